@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import Any
@@ -116,7 +115,7 @@ class LazyDerivatives:
             refresh(problem, system)
             target, settings = self._solver.target, deriving(self._solver)
             iterate = report.last
-            if iterate is None and (math.isinf(target.penalty.n) or target.penalty.epsilon == 0.0):
+            if iterate is None and not target.penalty.is_soft:
                 raise InputError(
                     "a solution that was read from a checkpoint has no last iterate, by which it "
                     "would be differentiated: solve it anew"

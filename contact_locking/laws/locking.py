@@ -2,7 +2,7 @@
 
 The limit of the paper is the ball ``|eps| <= M`` with the penalty R_n (23).  A limit
 ``|L eps| <= M`` with a linear map L has the same penalty of ``L eps``, and a limit ``s <= M`` of a
-scalar ``s = N : eps`` has the penalty :func:`one_sided_stress`.  All functions take and return UFL,
+scalar ``s = N : eps`` has the penalty :func:`one_sided_energy`.  All functions take and return UFL,
 which can differentiate each without a division by zero: no norm is taken of a quantity that can
 vanish.
 """
@@ -62,13 +62,8 @@ def locking_energy(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
     return n * unit_ball_excess(eps, inverse_limit) ** 2 * squared_norm(eps)
 
 
-def one_sided_stress(s: Expr, inverse_limit: Expr, n: Expr) -> Expr:
-    """``2 n [s - M]^+`` of a scalar strain s, exactly zero where ``s <= M`` and for ``1/M = 0``."""
-    return 2.0 * n * _one_sided_excess(s, inverse_limit)
-
-
 def one_sided_energy(s: Expr, inverse_limit: Expr, n: Expr) -> Expr:
-    """``n ([s - M]^+)^2``, the density whose derivative in s is :func:`one_sided_stress`."""
+    """``n ([s - M]^+)^2``, the density of the penalty of a limit ``s <= M``."""
     return n * _one_sided_excess(s, inverse_limit) ** 2
 
 

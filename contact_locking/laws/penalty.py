@@ -55,6 +55,11 @@ class Penalty:
         return math.isinf(self.n) and self.epsilon == 0.0
 
     @property
+    def is_soft(self) -> bool:
+        """Whether every limit of the strain and every gap may be exceeded."""
+        return math.isfinite(self.n) and self.epsilon > 0.0
+
+    @property
     def compliance(self) -> float:
         """``1/(2n)``: the strain beyond the locking limit for a unit of locking stress."""
         return 0.5 / self.n

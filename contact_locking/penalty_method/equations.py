@@ -35,6 +35,7 @@ from contact_locking.laws.locking import (
 )
 from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
+from contact_locking.problem.strain_sets import NormSet
 from contact_locking.problem.system import System
 from contact_locking.solver.task import ContactForces, Multipliers, multiplier_spaces
 
@@ -169,7 +170,8 @@ class Equations:
             forces.append(ContactForces(pressure, friction, pressure > 0.0))
         spaces = multiplier_spaces(self.data, system.kept, system.u.function_space.mesh)
         result = Multipliers.none(self.data, spaces, tuple(forces))
-        stress = self.data.sets[0].multiplier(self.data.strain(system.u), self.n)
+        ball = NormSet("strain", self.data.inverse_limit)
+        stress = ball.multiplier(self.data.strain(system.u), self.n)
         result.locking_stress.interpolate(compiled.interpolation(stress, spaces[0]))
         result.locking_stress.x.scatter_forward()
         return result

@@ -10,6 +10,7 @@ from contact_locking.penalty_method.continuation import PenaltyPath, follow
 from contact_locking.penalty_method.equations import Equations
 from contact_locking.penalty_method.fixed_point import Unsettled, fixed_point
 from contact_locking.penalty_method.newton import Newton
+from contact_locking.solver.explain import BOUND_WAY_OUT
 from contact_locking.solver.task import Outcome, SavedState, SolverReport, Task, stage_of
 
 # Stages before the last only have to be good starting points.
@@ -21,10 +22,6 @@ _SHARE_OF_CHANGE, _FIRST, _SHARPEST = 1e-2, 1e-3, 0.1
 _FROM_SAVED = 30
 
 _WAY_OUT = "Try solver.method: auto, lower penalty.n or raise penalty.epsilon."
-_BOUND_WAY_OUT = (
-    "If the friction bound does not settle, lower friction.coefficient or enlarge "
-    "friction.smoothing.radius."
-)
 
 
 def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
@@ -55,7 +52,7 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
         if isinstance(failure, Unsettled):
             reached = reached.settled(failure.change, failure.contraction)
         known = vars(reached) | vars(task.counts)
-        way_out = f"{_WAY_OUT}  {_BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
+        way_out = f"{_WAY_OUT}  {BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
         return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
     return SolverReport.solved(outcome, task.counts, stages=stages)
 

@@ -30,7 +30,6 @@ from contact_locking.laws.locking import (
     locking_energy,
     locking_stress,
     one_sided_energy,
-    one_sided_stress,
 )
 
 StrainMap = Callable[[Expr], Expr]
@@ -51,9 +50,7 @@ class StrainSet(ABC):
 
     #: Whether multipliers are tensors, and not scalars.
     has_tensors: ClassVar[bool] = True
-    #: The multiplier y of the penalty law for ``L eps``, 1/M and n.
-    penalty_stress: ClassVar[staticmethod[[Expr, Expr, Expr], Expr]]
-    #: The density of the penalty, whose derivative is ``penalty_stress``.
+    #: The density of the penalty for ``L eps``, 1/M and n.
     penalty_energy: ClassVar[staticmethod[[Expr, Expr, Expr], Expr]]
 
     name: str
@@ -71,10 +68,6 @@ class StrainSet(ABC):
     def size(self, measured: Expr) -> Expr:
         """``|L eps|`` or ``L eps``, which is at most M in the set."""
 
-    def multiplier(self, eps: Expr, n: Expr) -> Expr:
-        """The multiplier y of the penalty law."""
-        return self.penalty_stress(self.measured(eps), self.inverse_limit, n)
-
     def energy(self, eps: Expr, n: Expr) -> Expr:
         """The density of the penalty."""
         return self.penalty_energy(self.measured(eps), self.inverse_limit, n)
@@ -91,10 +84,6 @@ class StrainSet(ABC):
         shape = element.strain_shape(mesh) if self.has_tensors else ()
         return element.shared_strain_space(kept, mesh, shape)
 
-    def virtual_work(self, eps: Expr, eps_v: Expr, n: Expr) -> Expr:
-        """``Z : eps(v)`` of the penalty's stress Z."""
-        return ufl.inner(self.multiplier(eps, n), self.measured(eps_v))
-
 
 @dataclass(frozen=True)
 class NormSet(StrainSet):
@@ -108,8 +97,11 @@ class NormSet(StrainSet):
     adjoint: StrainMap = _identity
     least: float = 1.0
 
-    penalty_stress = staticmethod(locking_stress)
     penalty_energy = staticmethod(locking_energy)
+
+    def multiplier(self, eps: Expr, n: Expr) -> Expr:
+        """The multiplier y of the penalty law (23)."""
+        return locking_stress(self.measured(eps), self.inverse_limit, n)
 
     def measured(self, eps: Expr) -> Expr:
         return self.linear_map(eps)
@@ -128,7 +120,6 @@ class HalfSpaceSet(StrainSet):
     normal: Expr
 
     has_tensors = False
-    penalty_stress = staticmethod(one_sided_stress)
     penalty_energy = staticmethod(one_sided_energy)
 
     def measured(self, eps: Expr) -> Expr:

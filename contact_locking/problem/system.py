@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -120,6 +121,15 @@ class BodyForms:
         return self._forces.x.array.copy()
 
 
+@dataclass(frozen=True)
+class SystemState:
+    """Local displacements, ghosts included, travels of tools, and friction bounds (k,)."""
+
+    displacement: FloatArray
+    travels: tuple[float, ...]
+    bounds: list[FloatArray]
+
+
 class System:
     """The body of a discrete problem for a solver, with the friction bounds and tools in force.
 
@@ -218,11 +228,6 @@ class System:
         square = float(np.sum(forces[: self._owned] ** 2))
         return float(np.sqrt(self.comm.allreduce(square)))
 
-    def hold(self, stress: float) -> None:
-        """Set every friction bound to a stress, whether anything presses or not; collective."""
-        for contact in self.rubbing:
-            self.bounds[contact] = contact.rubbing(np.full(len(contact.free), stress))
-
     def clear(self) -> None:
         """``u = 0`` at free dofs, all friction bounds and travels zero; collective."""
         self.u.x.array[:] = 0.0
@@ -241,21 +246,25 @@ class System:
 
         With ``only_on_failure`` they are restored only if the block raises an exception.
         """
-        displacement, travels = self.u.x.array.copy(), self.tools.travels
-        bounds = self.bounds.at(self.contacts)
-
-        def restore() -> None:
-            self.u.x.array[:] = displacement
-            self.tools.travels = travels
-            self.bounds.enter(self.contacts, bounds)
-
+        state = self.state()
         try:
             yield
         except BaseException:
-            restore()
+            self.restore(state)
             raise
         if not only_on_failure:
-            restore()
+            self.restore(state)
+
+    def state(self) -> SystemState:
+        """The displacement, travels and friction bounds at present."""
+        bounds = self.bounds.at(self.contacts)
+        return SystemState(self.u.x.array.copy(), self.tools.travels, bounds)
+
+    def restore(self, state: SystemState) -> None:
+        """Take a displacement, travels and friction bounds."""
+        self.u.x.array[:] = state.displacement
+        self.tools.travels = state.travels
+        self.bounds.enter(self.contacts, state.bounds)
 
     def function_of(self, values: FloatArray) -> fem.Function:
         """A displacement field with these owned values; collective."""

@@ -13,16 +13,16 @@ from typing import ClassVar
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
+from contact_locking.problem.system import SystemState
 from contact_locking.solver.interior_point.farkas import GAP_ROUNDING
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, SolverReport, Target, Task
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
-_BOUND_WAY_OUT = (
+BOUND_WAY_OUT = (
     "If the friction bound does not settle, lower friction.coefficient or enlarge "
     "friction.smoothing.radius."
 )
@@ -90,7 +90,7 @@ class Reasons:
         if self.is_unbalanced:
             return report
         if task.searches and not is_infeasible and self.growth is not None:
-            self.growth.stiffer.enter(task)
+            task.system.restore(self.growth.stiffer.state)
             return dataclasses.replace(
                 report,
                 **vars(self.growth.stiffer.outcome),
@@ -112,7 +112,7 @@ def _way_out(task: Task) -> str:
     """What may help where the interior point method does not arrive; collective."""
     system, advice = task.system, [_MORE_ITERATIONS]
     if system.rubbing:
-        advice.append(_HELD_BY_FRICTION if system.held_by_friction else _BOUND_WAY_OUT)
+        advice.append(_HELD_BY_FRICTION if system.held_by_friction else BOUND_WAY_OUT)
     inverse_limits = [strains.inverse_limit.x.array for strains in system.data.sets]
     if maximum(system.comm, np.concatenate(inverse_limits)) > 0.0:
         advice.append(_VERGE_WAY_OUT)
@@ -256,16 +256,7 @@ class PenalisedState:
     penalty: Penalty
     outcome: Outcome
     force: float
-    displacement: FloatArray
-    travels: tuple[float, ...]
-    bounds: list[FloatArray]
-
-    def enter(self, task: Task) -> None:
-        """Put displacement, travels and friction bounds into the system."""
-        system = task.system
-        system.u.x.array[:] = self.displacement
-        system.tools.travels = self.travels
-        system.bounds.enter(system.contacts, self.bounds)
+    state: SystemState
 
 
 @dataclasses.dataclass(frozen=True)
@@ -287,9 +278,8 @@ class Growth:
         return (
             f"with penalties of {10.0**self.softer.power:.2g} and {10.0**self.stiffer.power:.2g} "
             "times the stiffness of the material there are solutions, and the stiffer one has "
-            f"{ratio:.2g} times the "
-            "contact force of the other: its forces grow with the penalty, and there seems to be "
-            "no equilibrium without one; the state that is left is that of "
+            f"{ratio:.2g} times the contact force of the other: its forces grow with the penalty, "
+            "and there seems to be no equilibrium without one; the state that is left is that of "
             f"penalty.n: {penalty.n:g}, penalty.epsilon: {penalty.epsilon:g} and "
             f"friction.regularisation: {max(penalty.regularisations):g}"
         )
@@ -340,9 +330,7 @@ def _penalised(
             assert outcome.multipliers is not None
             pairs = zip(system.contacts, outcome.multipliers.contacts, strict=True)
             force = sum(float(c.surface.integral(forces.pressure)) for c, forces in pairs)
-            state = system.u.x.array.copy(), system.tools.travels
-            bounds = system.bounds.at(system.contacts)
-            return PenalisedState(power, target.penalty, outcome, force, *state, bounds)
+            return PenalisedState(power, target.penalty, outcome, force, system.state())
     except NotConverged:
         return None
     finally:

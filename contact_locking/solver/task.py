@@ -168,7 +168,7 @@ class LastIterate:
 class Outcome:
     """What a solver has found beside the displacement and the friction bounds in the system.
 
-    ``multipliers`` are set where they are unknowns of the solver; otherwise the laws give them.
+    ``multipliers`` are None where a solve ended before there were any.
     ``last`` is the last iterate of the interior point method, None where that did not arrive.
     ``friction_change`` is the last change of the friction bounds, relative.  ``contraction`` is the
     factor by which the friction fixed point shrank its update, None where there was too little to

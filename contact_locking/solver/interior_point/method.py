@@ -106,30 +106,30 @@ class InteriorPoint:
         Cones leave locking stresses and penalised solutions rough.  A solution is as it was
         where linear solves are iterative, and where that method does not arrive.
         """
-        judge, last = self._judge, found.last
-        is_done = self.is_elastic or self._pieces is not None or self._tangent.direct is None
-        if is_done or last is None:
+        if self._pieces is not None or found.last is None:
             return found
-        penalty = self._task.target.penalty
-        is_strict = math.isinf(penalty.n) and penalty.epsilon == 0.0
-        if is_strict and not (self._families.strains or judge.leaves_gap):
+        is_rough = bool(self._families.strains) or self._judge.leaves_gap
+        if self._task.target.penalty.is_strict and not is_rough:
             return found
-        pieces = self._all_pieces()
-        with np.errstate(all="ignore"):
-            if not self._take(pieces, pieces.from_last(last)):
-                return found
-        return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
+        return self._by_pieces(found.last) or found
 
     def rescue(self) -> Outcome | None:
         """The solution that the pieces of the laws lead to from where a solve failed; collective.
 
         None where they do not arrive.
         """
-        if self.is_elastic or self._tangent.direct is None or not self._iterate.is_finite:
+        return self._by_pieces(self._last()) if self._iterate.is_finite else None
+
+    def _by_pieces(self, last: LastIterate) -> Outcome | None:
+        """The solution that the pieces of the laws lead to from an iterate; collective.
+
+        None where they do not arrive, where linear solves are iterative, and for an elastic body.
+        """
+        if self.is_elastic or self._tangent.direct is None:
             return None
         pieces = self._all_pieces()
         with np.errstate(all="ignore"):
-            if not self._take(pieces, pieces.from_last(self._last())):
+            if not self._take(pieces, pieces.from_last(last)):
                 return None
         return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
 
@@ -234,9 +234,8 @@ class InteriorPoint:
         # Where linear solves are direct, the pieces of the laws give locking stresses their law.
         wants_law = self._has_law and self._tangent.direct is None
         steps_left = tuning.steps_for_law if wants_law else 0
-        best, stays, penalty = math.inf, 0, task.target.penalty
-        is_penalised = penalty.epsilon > 0.0 and math.isfinite(penalty.n)
-        patience = tuning.patience_with_penalties if is_penalised else tuning.patience
+        best, stays, is_soft = math.inf, 0, task.target.penalty.is_soft
+        patience = tuning.patience_with_penalties if is_soft else tuning.patience
         can_rest = self.bound_moves and not task.system.tools.act
         for iteration in range(limit + 1):
             measures = self._judge.measure(self._iterate)
@@ -260,7 +259,7 @@ class InteriorPoint:
             # Steps along which the forces of the body are not linear are shorter.
             stays += self._tangent.is_linear
             if stays > patience:
-                if not is_penalised:
+                if not is_soft:
                     self.require_feasible()
                 raise NotConverged(
                     f"{patience} interior point iterations led no nearer ({measures})"
@@ -376,7 +375,7 @@ class InteriorPoint:
     def _stop_if_infeasible(self, measures: Measures) -> None:
         """Raise Infeasible if multipliers that grow, while laws stay violated, prove it."""
         penalty, tuning = self._task.target.penalty, self._tuning
-        if penalty.epsilon > 0.0 and math.isfinite(penalty.n):
+        if penalty.is_soft:
             return
         size = self._iterate.largest_multiplier()
         if self._first is None:
