@@ -159,7 +159,7 @@ class Linearisation:
         """
         self._still()
         rest = [
-            Reaction(family, family.aim(product * family.scale) - family.reactions)
+            Reaction(family, family.aim(product) - family.reactions)
             for family in self.equations.families
         ]
         return self._moved(self.equations.residual(), rest)
@@ -398,7 +398,7 @@ def penalised_iterate(system: System, target: Target, tolerance: float) -> LastI
                 cones.append(None)
                 continue
             family.z[0] = np.maximum(bound, _LEAST_BOUND * largest)
-        family.settle(product * family.scale)
+        family.settle(product)
         cones.append((family.x, family.z))
     families.destroy()
     return LastIterate(system.u.x.array.copy(), system.tools.travels, tuple(cones))

@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any
 
 import dolfinx
 import numpy as np
@@ -20,6 +20,7 @@ from contact_locking.monitor import Monitor
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import System
+from contact_locking.solver.interior_point.cones import Pair
 from contact_locking.solver.settings import Settings
 
 
@@ -94,10 +95,6 @@ class Multipliers:
 # Solves for the same friction bound differ by so many times the rounding in one solution, which the
 # margin of the criteria is.
 _ROUNDING_OF_SOLVES = 100.0
-
-
-# The points x of a family and their multipliers z.
-Pair: TypeAlias = tuple[FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -11,11 +10,11 @@ import pytest
 from scipy.sparse import csc_matrix
 
 from contact_locking.arrays import FloatArray
-from contact_locking.solver.interior_point.cones import Balls, Cone, HalfLines, Step
-from contact_locking.solver.interior_point.contact_cones import FrictionCones
+from contact_locking.solver.interior_point.balls import Balls
+from contact_locking.solver.interior_point.cones import Cone, Step
+from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.lorentz import Scaling
-from contact_locking.solver.interior_point.projections import SmoothFrictionProjection
-from contact_locking.solver.interior_point.slips import Slips, along_planes
+from contact_locking.solver.interior_point.slips import Slips, SmoothSlipPieces, along_planes
 
 pytestmark = pytest.mark.serial
 
@@ -149,16 +148,16 @@ def test_cones_alone_find_the_minimiser_of_a_conic_solver(seed: int) -> None:
     assert u == pytest.approx(np.array(solver.solve().x[:n]), abs=1e-6)
 
 
-def _friction(length: float, random: np.random.Generator) -> tuple[SmoothFrictionProjection, Slips]:
+def _friction(length: float, random: np.random.Generator) -> tuple[SmoothSlipPieces, Slips]:
     """A smooth law of friction at points with planes across the first axis of space."""
     count = 40
-    family = FrictionCones.__new__(FrictionCones)
+    family = Slips()
     family.normal = np.repeat(np.eye(3)[:, :1], count, axis=1)
-    family.weights, family.scale, family.regularisation = np.ones(count), 1.0, length
-    family.nodes = SimpleNamespace(dim=3)  # type: ignore[assignment]
+    family.weights, family.regularisation = np.ones(count), length
     family.x, family.z = np.zeros((2, 5, count))
     family.z[0] = random.uniform(0.1, 2.0, count)
-    law = SmoothFrictionProjection(family, 1.7, 1e14)
+    law = family.pieces(1.7, 1e14)
+    assert isinstance(law, SmoothSlipPieces)
     family.seen = along_planes(random.standard_normal((3, count)), family.normal)
     return law, family
 

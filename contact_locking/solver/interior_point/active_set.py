@@ -1,7 +1,7 @@
 """Newton's method on the pieces of the laws: where few of them change, it takes few tangents.
 
 The cones of contact and friction and those of the strain limit are semismooth equations
-(:mod:`projections`).  Their Newton's method ends at once where the pieces are the right ones:
+(:class:`~cones.Pieces`).  Their Newton's method ends at once where the pieces are the right ones:
 nodes touch and stick, points are at their limit.  From the elastic displacement it finds the pieces
 of contact and friction in a few steps, and from the last step of a process also those of the limit.
 From far away it finds nothing, and says so early.  Where nothing presses a body, many places are
@@ -11,6 +11,7 @@ right, and the interior point method finds one away from the foundations.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -22,22 +23,17 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
-from contact_locking.solver.interior_point.cones import HalfLines
-from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
-from contact_locking.solver.interior_point.family import Direction, Family
+from contact_locking.solver.interior_point.cones import Pair, Pieces
+from contact_locking.solver.interior_point.contact_cones import ContactCones
+from contact_locking.solver.interior_point.family import Direction, Family, Reaction
+from contact_locking.solver.interior_point.half_lines import HalfLinePieces
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Judge
-from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain, LockingCones
-from contact_locking.solver.interior_point.projections import (
-    FrictionProjection,
-    HalfLineProjection,
-    LockingProjection,
-    Projection,
-    SmoothFrictionProjection,
-)
+from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
+from contact_locking.solver.interior_point.slips import SlipPieces
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.task import LastIterate, Pair, Task
+from contact_locking.solver.task import LastIterate, Task
 
 # How many times stiffer than the body a step is where a law admits one displacement only.
 _STIFFEST = 1e7
@@ -110,19 +106,12 @@ class ActiveSet:
         # Pieces need no inside of the friction cones.
         self._moving = [dataclasses.replace(item, least=0.0) for item in bounds if bound_moves]
         self._standing = [] if bound_moves else list(bounds)
-        self._laws = {family: self._law(family) for family in tangent.families}
-
-    def _law(self, family: Family) -> Projection[Any]:
-        """The semismooth equation of a family."""
-        stiffness = self._task.target.stiffness
-        if isinstance(family, FrictionCones):
-            law = SmoothFrictionProjection if family.regularisation > 0.0 else FrictionProjection
-            return law(family, stiffness, _STIFFEST)
-        if isinstance(family, LockingCones):
-            return LockingProjection(family, stiffness, _STIFFEST)
-        assert isinstance(family, HalfLines)
-        floor = _FLOOR * self._springs * isinstance(family, ContactCones)
-        return HalfLineProjection(family, stiffness, _STIFFEST, floor)
+        self._laws: dict[Family, Pieces[Any]] = {
+            family: family.pieces(target.stiffness, _STIFFEST) for family in tangent.families
+        }
+        for law in self._laws.values():
+            if isinstance(law, HalfLinePieces) and isinstance(law.cone, ContactCones):
+                law.floor = _FLOOR * self._springs
 
     # Where it starts.
 
@@ -173,8 +162,7 @@ class ActiveSet:
             system.tools.travels = last.travels
         self._tangent.visit()
         self._judge.begin(self._judge.mean_strain(self._task.settings.tolerance))
-        for law, pair in zip(self._laws.values(), last.cones, strict=True):
-            family = law.family
+        for (family, law), pair in zip(self._laws.items(), last.cones, strict=True):
             family.takes_part = True
             family.look(self._tangent.present())
             x, z = (np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair
@@ -186,8 +174,10 @@ class ActiveSet:
             law.evaluate()
         system.constraints.apply(system.u)
         self._tangent.visit()
-        for law in self._laws.values():
-            law.extrapolate(self._tangent.present())
+        for family, law in self._laws.items():
+            before = family.seen
+            family.look(self._tangent.present())
+            law.extrapolate(before)
         found = self._solve_or_restore(is_linearised=True)
         if found is None:
             system.u.x.array[:], system.tools.travels = held
@@ -206,7 +196,7 @@ class ActiveSet:
         for item in self._moving if moves else ():
             # The bound follows the pressure inside of its cones.  Without one there is no friction.
             pressing, rubbing = cones[item.pressing], self._laws[item.friction]
-            assert pressing is not None and isinstance(rubbing, FrictionProjection)
+            assert pressing is not None and isinstance(rubbing, SlipPieces)
             bound = item.under(pressing[1])
             is_zero = item.contact.norm(bound) == 0.0
             under = item.friction.nodes.of_all(bound)
@@ -248,7 +238,7 @@ class ActiveSet:
                 bound_step = BoundStep(self._moving, tangent, self._tuning)
             self._advance(self._direction(bound_step))
             measures = self._judge.measure(iterate)
-            measures.primal = max(measures.primal, *(law.misfit() for law in laws))
+            measures.primal = max(measures.primal, self._misfit())
             task.monitor.iteration(number, measures.worst())
             reached_before = reached
             reached = measures.reached(task.settings, self._tuning.gap_tolerance)
@@ -280,6 +270,12 @@ class ActiveSet:
             keeps = is_near and kept_well
         raise NotConverged("the pieces of the laws do not settle")
 
+    def _misfit(self) -> float:
+        """How far reactions are from laws that are smooth, relative; collective."""
+        local = np.array([law.misfit() for law in self._laws.values()])
+        squares = self._tangent.comm.allreduce(local)
+        return math.sqrt(max((miss / size for miss, size in squares if size > 0.0), default=0.0))
+
     def _rests(self) -> bool:
         """Whether forces are rounding, or contact bears none where it has to; collective."""
         bears = any(
@@ -301,7 +297,7 @@ class ActiveSet:
         return self._direction_of(self._displacement())
 
     def _displacement(self) -> FloatArray:
-        aims = [law.aim for law in self._laws.values()]
+        aims = [Reaction(family, law.aim) for family, law in self._laws.items()]
         step = self._tangent.solve_step(aims, self._task.settings.tolerance)
         if on_any_rank(self._tangent.comm, ~np.isfinite(step)):
             # Measures of what is no number would be those of a body at rest.
@@ -331,7 +327,7 @@ class ActiveSet:
             bound.set(values)
             bound.friction.z[0] = bound.friction.nodes.of_all(values)
             law = self._laws[bound.friction]
-            assert isinstance(law, FrictionProjection)
+            assert isinstance(law, SlipPieces)
             law.settle()
 
     def _leads_away(self, left: Sequence[_Left]) -> bool:

@@ -1,26 +1,29 @@
-"""The cones of the interior point method, in batches: half lines and balls.
+"""Cones in batches: for the interior point method, and the pieces of their laws for Newton's.
 
 A cone pairs a primal point x with a multiplier z at each of k points with weights, under a law of
 what it sees of the displacement, ``lin(u)``: a scalar (k,) or a vector (m, k).  It eliminates both
 from the Newton system.  The step of its reactions is ``c + D lin(du)``: the block ``D`` goes into
 the tangent, ``c`` into the right-hand side.
+
+The law of a cone is a semismooth equation as well, whose pieces :meth:`Cone.pieces` returns.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, Generic, TypeAlias, TypeVar
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
-from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse, norm
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.solver.interior_point.lorentz import Scaling, dot, norm
 
 # Directions with a stiffness along each of them.
 Springs: TypeAlias = list[tuple[FloatArray, FloatArray]]
-# Newton's method for one cone halves the distance to a double root, and else is fast.
-_MOST_STEPS = 40
+# The points of cones and their multipliers.
+Pair: TypeAlias = tuple[FloatArray, FloatArray]
+TINY = float(np.finfo(float).tiny)
 
 
 @dataclass(frozen=True)
@@ -128,8 +131,8 @@ class Cone(ABC):
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         """The reactions that the step leads to if the displacement stands still.
 
-        The complementarity products are driven to ``target``; ``correction`` is Mehrotra's
-        second-order term of the predictor, with that of recentrings.
+        The complementarity products are driven to ``target`` per volume; ``correction`` is
+        Mehrotra's second-order term of the predictor, with that of recentrings.
         """
 
     @abstractmethod
@@ -143,6 +146,16 @@ class Cone(ABC):
     @abstractmethod
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
         """The correction that brings the products after a step t back into a band, roughly."""
+
+    def _band(self, band: tuple[float, float]) -> tuple[float, float]:
+        """A band of products per volume as one of these cones."""
+        return band[0] * self.scale, band[1] * self.scale
+
+    # The pieces of the law.
+
+    @abstractmethod
+    def pieces(self, stiffness: float, stiffest: float) -> Pieces[Any]:
+        """The law as a semismooth equation, with a body of this stiffness."""
 
     # The derivative by the data.
 
@@ -162,7 +175,7 @@ class Cone(ABC):
 
     @abstractmethod
     def settle(self, product: float) -> None:
-        """Points of a ``product`` on the central path of the laws, which have a compliance."""
+        """Points of a product per volume on the central path of laws that have a compliance."""
 
     # Whether anything is admissible.
 
@@ -189,110 +202,6 @@ class Cone(ABC):
         return stiffness
 
 
-class HalfLines(Cone):
-    """``x = limit + compliance z - lin(u) >= 0``, ``z >= 0``, ``x z = 0``, point by point.
-
-    What is seen is a scalar (k,), and the reaction is z.  ``limit`` (k,) is its largest value.
-    """
-
-    limit: FloatArray
-    compliance: float
-    stiffness: FloatArray
-    _yielding: float
-    _wanted: FloatArray
-    _gap: FloatArray
-
-    def reactions_of(self, z: FloatArray) -> FloatArray:
-        return z
-
-    # The iterate.
-
-    def start(self, level: float, least: float) -> None:
-        self.x = np.maximum(self.limit - self.seen, least)
-        self.z = np.asarray(level * self.scale / self.x)
-
-    def speeds(self, step: Step) -> FloatArray:
-        most = np.maximum(-step.primal / self.x, -step.dual / self.z)
-        return np.maximum(most, 0.0)
-
-    def primal_gap(self) -> FloatArray:
-        """``limit + compliance z - lin(u) - x``."""
-        return (self.limit - self.seen) + self.compliance * self.z - self.x
-
-    # The Newton step.
-
-    def linearise(self) -> None:
-        self._gap = self.primal_gap()
-        self._yielding = max(self.compliance, self.softness)
-        self.stiffness = self.z / (self.x + self._yielding * self.z)
-
-    def hold(self, stiffness: float | FloatArray) -> None:
-        self.stiffness = np.full(len(self.weights), stiffness)
-
-    def block(self, seen: FloatArray) -> FloatArray:
-        return np.asarray(self.stiffness * seen)
-
-    @property
-    def springs(self) -> Springs:
-        return [(np.ones((1, len(self.stiffness))), self.stiffness)]
-
-    @property
-    def stiffest(self) -> FloatArray:
-        return self.stiffness
-
-    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
-        self._wanted = target - self.x * self.z
-        if correction is not None:
-            self._wanted -= correction
-        return self.z + self._dual_step(self._gap)
-
-    def step(self, seen: FloatArray) -> Step:
-        dz = self._dual_step(self._gap - seen)
-        return Step(self._yielding * dz - seen + self._gap, dz)
-
-    def _dual_step(self, d_rest: FloatArray) -> FloatArray:
-        return (self._wanted - self.z * d_rest) / (self.x + self._yielding * self.z)
-
-    def correction(self, step: Step) -> FloatArray:
-        return step.primal * step.dual
-
-    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        products = (self.x + t * step.primal) * (self.z + t * step.dual)
-        return np.maximum(np.clip(products, *band) - products, -band[1])
-
-    # The derivative by the data.
-
-    def move(self, gap: FloatArray) -> None:
-        self._gap, self._wanted = gap, np.zeros_like(self.z)
-
-    def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
-        return -reactions
-
-    def settle(self, product: float) -> None:
-        opening, double = self.limit - self.seen, 2.0 * self.compliance
-        root = np.sqrt(opening**2 + 2.0 * double * product)
-        # Of two formulae for each root the one without cancellation.
-        self.z = np.where(
-            opening > 0.0, 2.0 * product / (root + opening), (root - opening) / double
-        )
-        self.x = np.asarray(product / self.z)
-
-    # Whether anything is admissible.
-
-    def largest_multiplier(self) -> float:
-        return float(self.z.max(initial=0.0))
-
-    def holding(self, stiffness: float, largest: float) -> FloatArray:
-        """Springs in proportion to the multipliers, so that small forces leave these positive."""
-        return np.asarray(self.z * (stiffness / largest if largest > 0.0 else 0.0))
-
-    def resistance(self, reactions: FloatArray) -> float:
-        """``int limit z`` for ``z >= 0``."""
-        if np.any(reactions < 0.0):
-            return np.inf
-        return float(self.weights @ (self.limit * reactions))
-
-
 class LorentzCones(Cone):
     """Pairs (x, z) of points in Lorentz cones, and the block ``D = a I + b w w^T``.
 
@@ -310,7 +219,7 @@ class LorentzCones(Cone):
         return self._scaling.correction(step.primal, step.dual)
 
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        return self._scaling.recentring(t, step.primal, step.dual, band)
+        return self._scaling.recentring(t, step.primal, step.dual, self._band(band))
 
     def speeds(self, step: Step) -> FloatArray:
         return self._scaling.speeds(step.primal, step.dual)
@@ -326,106 +235,110 @@ class LorentzCones(Cone):
         return np.asarray(self.a * seen + self.b * dot(self.w, seen) * self.w)
 
 
-class Balls(LorentzCones):
-    """``x = (limit + q, lin(u))`` in the cone with cost ``q^2/(2 compliance)``; ``z = (z_0, -y)``.
+C = TypeVar("C", bound=Cone)
 
-    What is seen is a vector (m, k), whose norm is ``limit`` (k,) at most, and y is the reaction.
-    ``q = compliance z_0`` holds throughout; with a compliance of 0 nothing exceeds the limit.
+
+class Pieces(ABC, Generic[C]):
+    """The law of cones as a semismooth equation ``y = P(y + c s)``, and Newton's step for it.
+
+    ``y`` are the reactions, ``s`` is how far what is seen exceeds its limit, and P is the
+    projection onto the reactions that the law permits (with a compliance, its proximal map).  The
+    equation holds for all c > 0 or none.  Its generalised Jacobian is constant on pieces: touching
+    and open nodes (Hueeber, Stadler and Wohlmuth, doi:10.1137/060671061), nodes that stick and
+    slide, points at their limit and below.  On each piece the step of the reactions is
+    ``dy = rest + D lin(du)``, with the block D in the place of that of the interior point method.
+
+    ``stiffness`` is that of the body, a stress.  A law that admits one displacement only has the
+    stiffness ``1/softness``, ``stiffest`` times that of the body, instead of an infinite one, which
+    acts on the change of reactions and so vanishes in the end.
     """
 
-    limit: FloatArray
-    compliance: float
-    _yielding: float
-    _share: FloatArray
+    y: FloatArray
+    rest: FloatArray
+    #: How many points of this rank are on another piece than that of the block.
+    changed = 0
 
-    def reactions_of(self, z: FloatArray) -> FloatArray:
-        return -z[1:]
+    def __init__(self, cone: C, stiffness: float, stiffest: float) -> None:
+        self.cone = cone
+        self.c = stiffness / cone.scale
+        self.softness = 1.0 / (stiffest * self.c)
 
-    def start(self, level: float, least: float) -> None:
-        radius = np.maximum(self.limit, 1.5 * norm(self.seen))
-        self.x = np.vstack([radius, self.seen])
-        self.z = level * self.scale * inverse(self.x)
+    def start(self, reactions: FloatArray) -> None:
+        """Begin with reactions."""
+        self.y = reactions
 
-    def primal_gap(self) -> FloatArray:
-        """``(limit + q, lin(u)) - x``."""
-        return np.vstack([self.limit + self.compliance * self.z[0], self.seen]) - self.x
+    def recall(self, pair: Pair) -> None:
+        """Begin with the point and the multiplier of an earlier solution."""
+        self.cone.z = pair[1].copy()
+        self.start(self.cone.reactions)
 
-    def sizes(self, deformation: float) -> FloatArray:
-        return self.x
-
-    # The Newton step.
-
+    @abstractmethod
     def linearise(self) -> None:
-        self._gap = self.primal_gap()
-        scaling = self._scaling = Scaling.of(self.x, self.z)
-        kappa = self._yielding = max(self.compliance, self.softness)
-        square, w_0 = scaling.eta**2, scaling.w[0]
-        self.a = np.reciprocal(square)
-        self._share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * self.a)
-        self.b = 2.0 * (square - kappa) * self.a**2 * self._share
-        self.w = scaling.w[1:]
+        """Choose the pieces by the present reactions and what was seen, and set the block D."""
+
+    @abstractmethod
+    def evaluate(self) -> None:
+        """Set ``rest``, the step of the reactions if nothing moves; D may be an earlier one."""
+
+    def extrapolate(self, before: FloatArray) -> None:
+        """Add to ``rest`` what follows from the change since ``before`` was seen."""
+        self.rest += self.cone.block(self.cone.seen - before)
 
     @property
-    def springs(self) -> Springs:
-        """Along w; the rest of the block is isotropic."""
-        return [(self.w, self.b)]
+    def aim(self) -> FloatArray:
+        """The reactions that the step leads to if nothing moves."""
+        return self.y + self.rest
 
-    @property
-    def stiffest(self) -> FloatArray:
-        return np.asarray(self.a + np.maximum(self.b, 0.0) * dot(self.w, self.w))
+    def misfit(self) -> tuple[float, float]:
+        """How far the reactions are from a smooth law, and their size, squared; 0 for pieces."""
+        return 0.0, 0.0
 
-    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
-        self._aim = self._scaling.aim(target, correction)
-        return -(self.z + self._dual_step(self._gap[1:]))[1:]
+    def _shifted(self) -> FloatArray:
+        """``v = y + c s`` of what was seen."""
+        return np.asarray(self.y + self.c * self.cone.seen)
 
+    @abstractmethod
     def step(self, seen: FloatArray) -> Step:
-        d_rest = self._gap[1:] + seen
-        dz = self._dual_step(d_rest)
-        return Step(np.vstack([self._gap[0] + self._yielding * dz[0], d_rest]), dz)
+        """The step that belongs to ``lin(du)``, as one of the cones."""
 
-    def _dual_step(self, d_rest: FloatArray) -> FloatArray:
-        """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated."""
-        w, a, kappa = self._scaling.w, self._scaling.eta**-2, self._yielding
-        w_0, w_rest, gap_0, aim_0 = w[0], dot(w[1:], d_rest), self._gap[0], self._aim[0]
-        h_00, share = (2.0 * w_0**2 - 1.0) * a, self._share
-        # Where the compliance is soft beside the cone, w_0 dx_0 and w_rest cancel out: they are
-        # taken together.
-        along = w_0 * (gap_0 + kappa * aim_0) + (kappa * a - 1.0) * w_rest
-        dz = (2.0 * share * along) * w
-        dz[1:] -= d_rest
-        dz *= a
-        dz += self._aim
-        dz[0] = (aim_0 - h_00 * gap_0 + 2.0 * a * w_0 * w_rest) * share
-        return dz
+    @abstractmethod
+    def advance(self, step: Step) -> None:
+        """Take a step, once its displacement was looked at, and put the points into the cones."""
 
-    # The derivative by the data.
+    def inside(self, product: float) -> Pair:
+        """The points and the multipliers, moved inside the cones to a product per volume."""
+        return inside(self.cone.x, self.cone.z, self.c, product * self.cone.scale)
 
-    def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
-        along = dot(self.w, reactions) / (self.a + self.b * dot(self.w, self.w))
-        return np.vstack([-2.0 * self.a * self._share * self._scaling.w[0] * along, reactions])
 
-    def settle(self, product: float) -> None:
-        length, limit = norm(self.seen), self.limit
-        share = self.compliance * product
-        x_0 = np.maximum(length, limit) + np.sqrt(share)
-        # Newton's method from above on (x_0 - limit)(x_0^2 - |seen|^2) = compliance product x_0.
-        for _ in range(_MOST_STEPS):
-            det = (x_0 - length) * (x_0 + length)
-            value = (x_0 - limit) * det - share * x_0
-            x_0 -= value / (det + 2.0 * (x_0 - limit) * x_0 - share)
-        self.x = np.vstack([x_0, self.seen])
-        # Beyond the limit ``z_0 = q/compliance`` has more digits than ``x^-1``.
-        z_0 = np.where(
-            length > limit, (x_0 - limit) / self.compliance, product * inverse(self.x)[0]
-        )
-        self.z = -z_0 / x_0 * self.x
-        self.z[0] = z_0
+def inside(x: FloatArray, z: FloatArray, c: float, product: float) -> Pair:
+    """The pair near (x, z) with ``x o z = product e``, from ``w = c x - z``; (k,) or (1 + m, k).
 
-    # Whether anything is admissible.
+    With the eigenvalues l of w those of c x are ``(l + sqrt(l^2 + 4 c product))/2``.
+    """
+    w, square = c * x - z, 4.0 * c * product
+    if w.ndim == 1:
+        point = _root(w, square)
+        return np.asarray(point / c), np.asarray(0.25 * square / point)
+    length = norm(w[1:])
+    low, high = _root(w[0] - length, square), _root(w[0] + length, square)
+    half = 0.5 * (high - low)
+    along = half * w[1:] / np.maximum(length, TINY)
+    point = np.vstack([0.5 * (low + high), along])
+    # The eigenvalues of z are the product over those of x.
+    share = 0.25 * square / (low * high)
+    turned = -share * point
+    turned[0] *= -1.0
+    return np.asarray(point / c), turned
 
-    def largest_multiplier(self) -> float:
-        return float(self.z[0].max(initial=0.0))
 
-    def resistance(self, reactions: FloatArray) -> float:
-        """``int limit |y|``."""
-        return float(self.weights @ (self.limit * np.linalg.norm(reactions, axis=0)))
+def _root(values: FloatArray, square: float) -> FloatArray:
+    """``(l + sqrt(l^2 + square))/2`` without cancellation."""
+    root = np.sqrt(values**2 + square)
+    # The maximum keeps the division of the branch that is not taken finite.
+    lower = 0.5 * square / np.maximum(root - values, TINY)
+    return np.where(values > 0.0, 0.5 * (root + values), lower)
+
+
+def count(marked: BoolArray) -> int:
+    """How many points are marked."""
+    return int(np.count_nonzero(marked))

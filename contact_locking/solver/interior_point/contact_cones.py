@@ -16,8 +16,8 @@ from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.parallel import maximum, minimum
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import System
-from contact_locking.solver.interior_point.cones import HalfLines
 from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.lorentz import aligned, dot, norm
 from contact_locking.solver.interior_point.slips import Slips, along_planes
 from contact_locking.solver.task import Multipliers
@@ -248,8 +248,8 @@ class FrictionCones(OnContact, Slips):
     def read(self, multipliers: Multipliers) -> FloatArray:
         friction = multipliers.contacts[self.nodes.number].friction
         z = np.zeros_like(self.z)
-        z[self._rows] = -self.nodes.of_all(friction).T
-        z[0] = norm(z[self._rows])
+        z[self.rows] = -self.nodes.of_all(friction).T
+        z[0] = norm(z[self.rows])
         return z
 
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -91,7 +91,7 @@ class Iterate:
     def aims(self, target: float, corrections: Corrections) -> list[Reaction]:
         """The reactions that steps towards products of ``target`` lead to if nothing moves."""
         return [
-            Reaction(family, family.aim(target * family.scale, corrections.get(family)))
+            Reaction(family, family.aim(target, corrections.get(family)))
             for family in self.families
         ]
 
@@ -106,13 +106,11 @@ class Iterate:
 
     def recentring(self, reach: float, direction: Direction, target: float) -> Corrections:
         """The corrections that lead products after a step of ``reach`` nearer to ``target``."""
-        low, high = self._band
-        changed = {}
-        for family in self.families:
-            scaled = target * family.scale
-            band = low * scaled, high * scaled
-            changed[family] = -family.recentring(reach, direction.steps[family], band)
-        return changed
+        band = self._band[0] * target, self._band[1] * target
+        return {
+            family: -family.recentring(reach, direction.steps[family], band)
+            for family in self.families
+        }
 
     def longest_step(self, direction: Direction) -> float:
         """How far a direction leads before a cone ends; collective."""

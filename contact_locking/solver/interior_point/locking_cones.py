@@ -22,8 +22,9 @@ from contact_locking.plain_text import coordinates
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.strain_sets import StrainSet
-from contact_locking.solver.interior_point.cones import Balls, HalfLines
+from contact_locking.solver.interior_point.balls import Balls
 from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.lorentz import aligned, norm
 from contact_locking.solver.task import Multipliers
 

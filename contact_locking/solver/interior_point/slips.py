@@ -1,12 +1,20 @@
-"""The cones of friction under a known bound, in batches."""
+"""The cones of friction under a known bound."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from contact_locking.arrays import FloatArray
-from contact_locking.solver.interior_point.cones import LorentzCones, Springs, Step
-from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse
+from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.solver.interior_point.cones import (
+    TINY,
+    LorentzCones,
+    Pair,
+    Pieces,
+    Springs,
+    Step,
+    count,
+)
+from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse, norm
 
 # The products at the start are at most this multiple of those of contact: a coefficient of a
 # million would put them a million times apart.
@@ -14,6 +22,12 @@ _MOST = 10.0
 # The rounding of a product of three or four entries, as a share of its largest summand.  A larger
 # share leaves a gap that the criteria refuse where a slip is long beside the strain.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
+# Nodes whose friction was at least this share of its bound go on to slide in the next step.
+_SLIDES_ON = 1.0 - 1e-4
+# Newton's steps for the slip of one point, and the share of it that is rounding.
+_MOST_STEPS, _ROUNDING_OF_SLIP = 60, 1e-15
+# The halvings of an interval of logarithms, to its rounding.
+_BISECTIONS = 60
 
 
 class Slips(LorentzCones):
@@ -34,12 +48,12 @@ class Slips(LorentzCones):
     _grows: FloatArray
 
     @property
-    def _rows(self) -> slice:
+    def rows(self) -> slice:
         """The rows of points that belong to the slip."""
         return slice(1, 1 + len(self.normal))
 
     def reactions_of(self, z: FloatArray) -> FloatArray:
-        return -z[self._rows]
+        return -z[self.rows]
 
     @property
     def bound(self) -> FloatArray:
@@ -73,7 +87,7 @@ class Slips(LorentzCones):
     def tangential(self, values: FloatArray) -> FloatArray:
         """Points or multipliers with the parts of their vectors along the planes."""
         found = values.copy()
-        found[self._rows] = along_planes(values[self._rows], self.normal)
+        found[self.rows] = along_planes(values[self.rows], self.normal)
         return found
 
     def least_product(self) -> float:
@@ -110,7 +124,7 @@ class Slips(LorentzCones):
         self.b = -2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
         # Where all of a foot slips, only the growth holds a body that friction alone holds.
         self.b += 2.0 * self.growth / (2.0 * w_0**2 - 1.0)
-        self.w = scaling.w[self._rows]
+        self.w = scaling.w[self.rows]
         self._follows = 2.0 * w_0 / (2.0 * w_0**2 - 1.0) * self.w
         self._grows = self.growth / w_0 * self.w
 
@@ -137,9 +151,9 @@ class Slips(LorentzCones):
         return self.a
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
-        self._aim = self._scaling.aim(target, correction)
+        self._aim = self._scaling.aim(target * self.scale, correction)
         step = self._step(self._gap)
-        return -(self.z + step.dual)[self._rows]
+        return -(self.z + step.dual)[self.rows]
 
     def step(self, seen: FloatArray) -> Step:
         d_rest = self._gap.copy()
@@ -163,11 +177,17 @@ class Slips(LorentzCones):
         dz[1:] += (2.0 * share * (w_0 * left + w_rest / square)) * w_1
         return Step(np.vstack([d_t, d_rest]), dz)
 
+    # The pieces of the law.
+
+    def pieces(self, stiffness: float, stiffest: float) -> SlipPieces:
+        law = SmoothSlipPieces if self.regularisation > 0.0 else SlipPieces
+        return law(self, stiffness, stiffest)
+
     # The bound.
 
     def slip_step(self, step: Step) -> FloatArray:
         """The part (d, k) of a step that is the slip's."""
-        return step.primal[self._rows]
+        return step.primal[self.rows]
 
     def grown(self, slip_step: FloatArray) -> FloatArray:
         """How far the growth moves the bound (k,) with a step (d, k) of the slip."""
@@ -197,14 +217,185 @@ class Slips(LorentzCones):
         self.move(np.zeros_like(self.x))
         back = -self._step_under(rest, np.zeros(len(self.weights))).dual
         back[0] = 0.0
-        back[self._rows] += self.grown_adjoint(self.response_adjoint(seen))
+        back[self.rows] += self.grown_adjoint(self.response_adjoint(seen))
         return self.tangential(back)
 
     def settle(self, product: float) -> None:
+        product *= self.scale
         rows = self._fixed_rows()
         share = product / np.maximum(self.bound, np.finfo(float).tiny)
         self.x = np.vstack([0.5 * (share + np.sqrt(share**2 + 4.0 * dot(rows, rows))), rows])
         self.z = product * inverse(self.x)
+
+
+class SlipPieces(Pieces[Slips]):
+    """``y = G v/max(G, |v|)`` with ``v = y + c s`` for the slip s and ``y = -sigma_tau``.
+
+    The bound G follows the pressure outside of this law (:mod:`bound_step`).
+    """
+
+    def __init__(self, cone: Slips, stiffness: float, stiffest: float) -> None:
+        super().__init__(cone, stiffness, stiffest)
+        self._slides_at = 1.0
+        self._slipped: FloatArray | float = 0.0
+        self._along = np.zeros_like(cone.normal)
+        self._turned: BoolArray = np.zeros(len(cone.weights), dtype=bool)
+
+    def recall(self, pair: Pair) -> None:
+        # The foundation may have turned since.
+        slip, traction = (along_planes(part[self.cone.rows], self.cone.normal) for part in pair)
+        self.cone.z = pair[1].copy()
+        self.cone.z[self.cone.rows] = traction
+        self.start(self.cone.reactions)
+        self._slides_at, self._slipped = _SLIDES_ON, self.c * slip
+
+    def linearise(self) -> None:
+        cone, bound = self.cone, self.cone.bound
+        cone.bound_step = np.zeros_like(bound)
+        v = self._shifted() + self._slipped
+        size = norm(v)
+        # A node that would turn round in each step sticks instead.
+        turns_again = self._turned & self._turns(v)
+        self._turned = np.asarray(self._turns(v) & ~turns_again)
+        self._sticks = np.asarray((size <= self._slides_at * bound) | turns_again)
+        self._slides_at, self._slipped = 1.0, 0.0
+        self._along = v / np.maximum(size, TINY)
+        share = np.where(self._sticks, 0.0, bound / np.maximum(size, TINY))
+        self._left = np.maximum(1.0 - share, self.c * self.softness)
+        across = self.c * share / self._left
+        follows = np.where(self._sticks, 0.0, self._along)
+        stiffness = np.where(self._sticks, 1.0 / self.softness, across)
+        cone.set_block(stiffness, np.where(self._sticks, 0.0, -across), self._along, follows)
+
+    def evaluate(self) -> None:
+        cone = self.cone
+        v = self._shifted()
+        left = v * (cone.bound / np.maximum(np.maximum(cone.bound, norm(v)), TINY)) - self.y
+        along = dot(self._along, left) * self._along
+        sliding = along + (left - along) / self._left
+        self.rest = np.where(self._sticks, cone.seen / self.softness, sliding)
+
+    def _turns(self, v: FloatArray) -> BoolArray:
+        """Where nodes slide against the direction of the last tangent."""
+        return np.asarray(dot(self._along, v) < 0.0)
+
+    @property
+    def aim(self) -> FloatArray:
+        return super().aim + self.cone.response(self.cone.bound_step)
+
+    def step(self, seen: FloatArray) -> Step:
+        cone = self.cone
+        primal, dual = np.zeros_like(cone.x), np.zeros_like(cone.z)
+        primal[self.cone.rows] = seen
+        dual[0] = cone.bound_step
+        dual[self.cone.rows] = -(self.rest + cone.block(seen) + cone.response(cone.bound_step))
+        return Step(primal, dual)
+
+    def advance(self, step: Step) -> None:
+        # The stiffness of sticking enlarges the rounding along the normal.
+        self.y = along_planes(self.y - step.dual[self.cone.rows], self.cone.normal)
+        self.cone.z[0] += step.dual[0]
+        self.settle()
+
+    def inside_under(self, bound: FloatArray, product: float) -> Pair:
+        """The pair under a bound (k,) > 0: friction and slip move at the same ``v = y + c s``."""
+        product *= self.cone.scale
+        v = self._shifted()
+        size = norm(v)
+        products = np.asarray(self.c * product / bound**2, dtype=float)
+        below = _below_bound(size / bound, products)
+        y = bound * (1.0 - below) / np.maximum(size, TINY) * v
+        # The first entry of (G, -y)^-1 is G/(G^2 - y^2).
+        first = product / (bound * below * (2.0 - below))
+        return np.vstack([first, (v - y) / self.c]), np.vstack([bound, -y])
+
+    def settle(self) -> None:
+        """Keep the friction within its bound, and put the points into the cones."""
+        cone, bound, v = self.cone, self.cone.bound, self._shifted()
+        other = (norm(v) <= bound) != self._sticks
+        self.changed = count(other | (self._turns(v) & ~self._sticks))
+        y = self.y * (bound / np.maximum(np.maximum(bound, norm(self.y)), TINY))
+        cone.z[self.cone.rows] = -y
+        cone.touch()
+
+
+class SmoothSlipPieces(SlipPieces):
+    """``y = G s/sqrt(s^2 + eps^2)`` with the slip s at which ``v = y + c s``, and eps > 0.
+
+    This is the proximal map of ``G sqrt(s^2 + eps^2)`` (22).  It is smooth, and at each y and what
+    was seen it has the slip of the law between both, from which Newton's method takes few steps.
+    """
+
+    def linearise(self) -> None:
+        cone, v = self.cone, self._shifted()
+        cone.bound_step = np.zeros_like(cone.bound)
+        size = norm(v)
+        self._sticks = size <= cone.bound
+        slip = _slip(size, cone.bound, cone.regularisation, self.c)
+        reach = np.hypot(slip, cone.regularisation)
+        across = cone.bound / reach
+        along = across * (cone.regularisation / reach) ** 2
+        self._along = v / np.maximum(size, TINY)
+        softer = 1.0 + self.softness * along, 1.0 + self.softness * across
+        self._shares = (1.0 + along / self.c) / softer[0], (1.0 + across / self.c) / softer[1]
+        along, across = along / softer[0], across / softer[1]
+        follows = slip / reach / softer[0] * self._along
+        cone.set_block(across, along - across, self._along, follows)
+
+    def evaluate(self) -> None:
+        left = self._law() - self.y
+        along = dot(self._along, left) * self._along
+        self.rest = self._shares[0] * along + self._shares[1] * (left - along)
+
+    def _law(self) -> FloatArray:
+        """``G s/sqrt(s^2 + eps^2)`` (d, k) of v."""
+        cone, v = self.cone, self._shifted()
+        slip = _slip(norm(v), cone.bound, cone.regularisation, self.c)
+        size = cone.bound * slip / np.hypot(slip, cone.regularisation)
+        return np.asarray(size / np.maximum(norm(v), TINY) * v)
+
+    def misfit(self) -> tuple[float, float]:
+        cone, left = self.cone, self._law() - self.y
+        return cone.power(left, left), cone.power(cone.bound, cone.bound)
+
+    def inside_under(self, bound: FloatArray, product: float) -> Pair:
+        cone = self.cone
+        cone.z[0] = bound
+        cone.settle(product)
+        return cone.x, cone.z
+
+    def settle(self) -> None:
+        super().settle()
+        y, bound = self.cone.reactions, self.cone.bound
+        self.cone.z[-1] = -np.sqrt(np.maximum(bound**2 - dot(y, y), 0.0))
+
+
+def _slip(size: FloatArray, bound: FloatArray, length: float, c: float) -> FloatArray:
+    """The s >= 0 with ``G s/sqrt(s^2 + length^2) + c s = size``.
+
+    Newton's method on a concave function goes up from a lower bound of the root.
+    """
+    s = np.maximum(size - bound, size / (bound / (c * length) + 1.0)) / c
+    for _ in range(_MOST_STEPS):
+        reach = np.hypot(s, length)
+        slope = bound / reach * (length / reach) ** 2 + c
+        step = (size - bound * s / reach - c * s) / slope
+        s = np.maximum(s + step, 0.0)
+        if np.all(np.abs(step) <= _ROUNDING_OF_SLIP * s):
+            break
+    return np.asarray(s)
+
+
+def _below_bound(size: FloatArray, product: FloatArray) -> FloatArray:
+    """The u in ``(0, 1]`` with ``(1 - u) (1 + product/(u (2 - u))) = size``."""
+    # A sliding node has next to none: its logarithm is bisected.
+    least, most = np.full_like(size, np.log(TINY)), np.zeros_like(size)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (least + most)
+        u = np.exp(middle)
+        is_small = (1.0 - u) * (1.0 + product / (u * (2.0 - u))) > size
+        least, most = np.where(is_small, middle, least), np.where(is_small, most, middle)
+    return np.asarray(np.exp(0.5 * (least + most)))
 
 
 def along_planes(vectors: FloatArray, normal: FloatArray) -> FloatArray:
