@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,6 +12,9 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import exceeded_by_few
+from contact_locking.solver.interior_point.cones import Step
+from contact_locking.solver.interior_point.family import Direction
+from contact_locking.solver.interior_point.half_lines import HalfLines
 from contact_locking.solver.interior_point.iterate import Iterate
 
 WORLD = MPI.COMM_WORLD
@@ -47,23 +49,13 @@ def test_values_that_are_no_numbers_count_as_small() -> None:
     assert exceeded_by_few(WORLD, mine([math.nan, 2.0, math.nan]), 1, 1.0) == 1.0
 
 
-@dataclass(eq=False)
-class Cones:
-    """A family of cones that a step leaves at these lengths, on this rank."""
+class Lines(HalfLines):
+    """Half lines that a step of -1 leaves at these lengths, on this rank."""
 
-    lengths: FloatArray
-    takes_part: bool = True
-    scale: float = 1.0
+    takes_part, compliance = True, 0.0
 
-    @property
-    def weights(self) -> FloatArray:
-        return np.ones_like(self.lengths)
-
-    def speeds(self, step: None) -> FloatArray:
-        return np.reciprocal(self.lengths)
-
-    def longest_step(self, step: None) -> float:
-        return float(np.min(self.lengths, initial=math.inf))
+    def __init__(self, lengths: FloatArray) -> None:
+        self.weights, self.x, self.z = np.ones_like(lengths), lengths, np.ones_like(lengths)
 
 
 @pytest.mark.parametrize(
@@ -72,11 +64,10 @@ class Cones:
 def test_a_share_of_the_cones_of_all_families_and_ranks_may_be_left_behind(
     share: float, expected: float
 ) -> None:
-    families: list[Any] = [
-        Cones(mine([0.1, 0.5, 0.7] + 47 * [2.0])),
-        Cones(mine([0.2] + 49 * [9.0])),
-    ]
+    families = [Lines(mine([0.1, 0.5, 0.7] + 47 * [2.0])), Lines(mine([0.2] + 49 * [9.0]))]
     tangent: Any = SimpleNamespace(families=families, comm=WORLD)
-    direction: Any = SimpleNamespace(steps=dict.fromkeys(families))
-    length = Iterate(tangent, (0.1, 10.0)).longest_step_of_most(direction, share)
+    iterate = Iterate(tangent, (0.1, 10.0))
+    still = np.zeros_like(iterate.cones.reactions)
+    direction = Direction(still, Step(still - 1.0, still), iterate.cones)
+    length = iterate.longest_step_of_most(direction, share)
     assert length == pytest.approx(expected, rel=1e-5)

@@ -23,7 +23,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
-from contact_locking.solver.interior_point.cones import Pair, Pieces
+from contact_locking.solver.interior_point.cones import Composite, Pair, Pieces
 from contact_locking.solver.interior_point.contact_cones import ContactCones
 from contact_locking.solver.interior_point.family import Direction, Family, Reaction
 from contact_locking.solver.interior_point.half_lines import HalfLinePieces
@@ -106,6 +106,7 @@ class ActiveSet:
         # Pieces need no inside of the friction cones.
         self._moving = [dataclasses.replace(item, least=0.0) for item in bounds if bound_moves]
         self._standing = [] if bound_moves else list(bounds)
+        self._cones = Composite(tangent.families)
         self._laws: dict[Family, Pieces[Any]] = {
             family: family.pieces(target.stiffness, _STIFFEST) for family in tangent.families
         }
@@ -305,9 +306,8 @@ class ActiveSet:
         return step
 
     def _direction_of(self, du: FloatArray) -> Direction:
-        return Direction(
-            du, {family: law.step(family.see(du)) for family, law in self._laws.items()}
-        )
+        steps = (law.step(family.see(du)) for family, law in self._laws.items())
+        return Direction(du, self._cones.joined(steps), self._cones)
 
     def _advance(self, direction: Direction) -> None:
         """Take the step, and let the friction bounds follow the pressure; collective."""
@@ -316,9 +316,10 @@ class ActiveSet:
             raise NotConverged("the forces of the body are far from those of its tangent")
         tangent.move(1.0, direction.displacement)
         tangent.visit()
-        for family, law in self._laws.items():
+        steps = self._cones.steps(direction.step)
+        for (family, law), step in zip(self._laws.items(), steps, strict=True):
             family.look(tangent.present())
-            law.advance(direction.steps[family])
+            law.advance(step)
         if not self._moving:
             return
         self._task.counts.updates += 1

@@ -296,8 +296,8 @@ class BoundLaw:
     def distance(self, direction: Direction) -> FloatArray:
         """The residual of the equation for a direction; collective."""
         friction = self.friction
-        slip_step = friction.slip_step(direction.steps[friction])
-        wanted = self._wanted + self.moved(direction.steps[self._contact].dual, slip_step)
+        slip_step = friction.slip_step(direction.of(friction))
+        wanted = self._wanted + self.moved(direction.of(self._contact).dual, slip_step)
         return wanted - friction.bound - friction.bound_step
 
     def missed(self, direction: Direction) -> FloatArray:

@@ -10,7 +10,9 @@ The law of a cone is a semismooth equation as well, whose pieces :meth:`Cone.pie
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeAlias, TypeVar
 
@@ -39,46 +41,24 @@ class Step:
 
 
 class Cone(ABC):
-    """Cones of one kind at k points with weights.
+    """What the interior point method does with cones, and with a :class:`Composite` of them.
 
-    ``x`` and ``z`` are the primal points and their multipliers, and ``seen`` is what they see of a
-    displacement.  ``scale`` is 1 where products are per volume, and the length of the body where
-    they are per area: means and targets are per volume.
+    ``lin(u)`` is what they see of a displacement.
     """
 
-    weights: FloatArray
-    scale: float = 1.0
-    x: FloatArray
-    z: FloatArray
-    seen: FloatArray
-    #: The least compliance of a step, 0 for the step of the cones as they are.  The laws of the
-    #: iterate do not have it: it acts on the change of multipliers, which vanishes in the end.
-    softness: float = 0.0
-
-    @property
-    def reactions(self) -> FloatArray:
-        """The reactions on the body, in the shape of what is seen."""
-        return self.reactions_of(self.z)
-
-    @abstractmethod
-    def reactions_of(self, z: FloatArray) -> FloatArray:
-        """The reactions of multipliers, in which they are linear."""
+    #: How far the products of points and multipliers are integrated: over this measure.
+    measure: float
 
     # The iterate.
 
+    @property
     @abstractmethod
-    def start(self, level: float, least: float) -> None:
-        """Points inside the cones near what was seen, on the central path or near it.
+    def reactions(self) -> FloatArray:
+        """The reactions on the body, in the shape of what is seen."""
 
-        ``level`` is the complementarity product per volume, ``least`` the least opening of contact.
-        """
-
+    @abstractmethod
     def total(self, t: float = 0.0, step: Step | None = None) -> float:
         """The complementarity products after a step of length t, weighted."""
-        x, z = self.x, self.z
-        if step is not None:
-            x, z = x + t * step.primal, z + t * step.dual
-        return self.power(x, z)
 
     @abstractmethod
     def speeds(self, step: Step) -> FloatArray:
@@ -90,18 +70,13 @@ class Cone(ABC):
         # NaN is no direction to go in.
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
+    @abstractmethod
     def advance(self, t: float, step: Step) -> None:
         """Take a step of length t."""
-        self.x += t * step.primal
-        self.z += t * step.dual
 
     @abstractmethod
-    def primal_gap(self) -> FloatArray:
-        """How far the points are from their laws, in the shape of x."""
-
-    def sizes(self, deformation: float) -> FloatArray | None:
-        """The scale of gaps, which for lengths is ``deformation``; None where gaps vanish."""
-        return None
+    def largest_multiplier(self) -> float:
+        """The largest multiplier of a limit on the displacement, 0 without one."""
 
     # The Newton step.
 
@@ -110,22 +85,8 @@ class Cone(ABC):
         """Make the block D of the present points and of what was seen."""
 
     @abstractmethod
-    def hold(self, stiffness: float | FloatArray) -> None:
-        """Put springs ``D = stiffness``, a number or (k,), in place of the cones' block."""
-
-    @abstractmethod
     def block(self, seen: FloatArray) -> FloatArray:
         """``D lin(du)`` with the present block D."""
-
-    @property
-    @abstractmethod
-    def springs(self) -> Springs:
-        """Directions d, (m, k), with the stiffness c (k,) of ``c d d^T`` in the block D."""
-
-    @property
-    @abstractmethod
-    def stiffest(self) -> FloatArray:
-        """The largest eigenvalue (k,) of the block D."""
 
     @abstractmethod
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
@@ -145,7 +106,170 @@ class Cone(ABC):
 
     @abstractmethod
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        """The correction that brings the products after a step t back into a band, roughly."""
+        """The correction that brings the products after a step t back into a band, roughly.
+
+        The band is per volume.
+        """
+
+
+class Composite(Cone):
+    """Cones one after another.
+
+    Points, multipliers and their steps, what is seen and reactions are flat arrays.
+    """
+
+    def __init__(self, cones: Sequence[PointCones]) -> None:
+        self.cones = tuple(cones)
+        self._points = [cone.z.shape for cone in cones]
+        self._seen = [cone.reactions.shape for cone in cones]
+        self.measure = sum(cone.measure for cone in cones)
+
+    def of_points(self, values: FloatArray) -> list[FloatArray]:
+        """Values of points or multipliers, cone by cone."""
+        return _parts(values, self._points)
+
+    def of_seen(self, values: FloatArray) -> list[FloatArray]:
+        """Values of what is seen, or of reactions, cone by cone."""
+        return _parts(values, self._seen)
+
+    def steps(self, step: Step) -> list[Step]:
+        """A step, cone by cone."""
+        pairs = zip(self.of_points(step.primal), self.of_points(step.dual), strict=True)
+        return [Step(*pair) for pair in pairs]
+
+    def joined(self, steps: Iterable[Step]) -> Step:
+        """The step of all cones from those of each."""
+        parts = list(steps)
+        return Step(joined(s.primal for s in parts), joined(s.dual for s in parts))
+
+    @property
+    def reactions(self) -> FloatArray:
+        return joined(cone.reactions for cone in self.cones)
+
+    def total(self, t: float = 0.0, step: Step | None = None) -> float:
+        steps = [None for _ in self.cones] if step is None else self.steps(step)
+        return sum(cone.total(t, part) for cone, part in zip(self.cones, steps, strict=True))
+
+    def speeds(self, step: Step) -> FloatArray:
+        return joined(cone.speeds(part) for cone, part in self._with(step))
+
+    def advance(self, t: float, step: Step) -> None:
+        for cone, part in self._with(step):
+            cone.advance(t, part)
+
+    def largest_multiplier(self) -> float:
+        return max((cone.largest_multiplier() for cone in self.cones), default=0.0)
+
+    def linearise(self) -> None:
+        for cone in self.cones:
+            cone.linearise()
+
+    def block(self, seen: FloatArray) -> FloatArray:
+        pairs = zip(self.cones, self.of_seen(seen), strict=True)
+        return joined(cone.block(part) for cone, part in pairs)
+
+    def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
+        if correction is None:
+            return joined(cone.aim(target) for cone in self.cones)
+        pairs = zip(self.cones, self.of_points(correction), strict=True)
+        return joined(cone.aim(target, part) for cone, part in pairs)
+
+    def step(self, seen: FloatArray) -> Step:
+        pairs = zip(self.cones, self.of_seen(seen), strict=True)
+        return self.joined(cone.step(part) for cone, part in pairs)
+
+    def correction(self, step: Step) -> FloatArray:
+        return joined(cone.correction(part) for cone, part in self._with(step))
+
+    def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
+        return joined(cone.recentring(t, part, band) for cone, part in self._with(step))
+
+    def _with(self, step: Step) -> Iterable[tuple[PointCones, Step]]:
+        return zip(self.cones, self.steps(step), strict=True)
+
+
+def joined(arrays: Iterable[FloatArray]) -> FloatArray:
+    """Arrays of any shapes as one flat array."""
+    return np.concatenate([np.empty(0), *(values.reshape(-1) for values in arrays)])
+
+
+def _parts(values: FloatArray, shapes: Sequence[tuple[int, ...]]) -> list[FloatArray]:
+    ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1]
+    flat = np.split(values, ends)[: len(shapes)]
+    return [part.reshape(shape) for part, shape in zip(flat, shapes, strict=True)]
+
+
+class PointCones(Cone):
+    """Cones of one kind at k points with weights.
+
+    ``x`` and ``z`` are the primal points and their multipliers, and ``seen`` is what they see of a
+    displacement.  ``scale`` is 1 where products are per volume, and the length of the body where
+    they are per area: means and targets are per volume.
+    """
+
+    weights: FloatArray
+    scale: float = 1.0
+    x: FloatArray
+    z: FloatArray
+    seen: FloatArray
+    #: The least compliance of a step, 0 for the step of the cones as they are.  The laws of the
+    #: iterate do not have it: it acts on the change of multipliers, which vanishes in the end.
+    softness: float = 0.0
+
+    @property
+    def measure(self) -> float:  # type: ignore[override]
+        return self.scale * float(self.weights.sum())
+
+    @property
+    def reactions(self) -> FloatArray:
+        return self.reactions_of(self.z)
+
+    @abstractmethod
+    def reactions_of(self, z: FloatArray) -> FloatArray:
+        """The reactions of multipliers, in which they are linear."""
+
+    # The iterate.
+
+    @abstractmethod
+    def start(self, level: float, least: float) -> None:
+        """Points inside the cones near what was seen, on the central path or near it.
+
+        ``level`` is the complementarity product per volume, ``least`` the least opening of contact.
+        """
+
+    def total(self, t: float = 0.0, step: Step | None = None) -> float:
+        x, z = self.x, self.z
+        if step is not None:
+            x, z = x + t * step.primal, z + t * step.dual
+        return self.power(x, z)
+
+    def advance(self, t: float, step: Step) -> None:
+        self.x += t * step.primal
+        self.z += t * step.dual
+
+    @abstractmethod
+    def primal_gap(self) -> FloatArray:
+        """How far the points are from their laws, in the shape of x."""
+
+    def sizes(self, deformation: float) -> FloatArray | None:
+        """The scale of gaps, which for lengths is ``deformation``; None where gaps vanish."""
+        return None
+
+    # The block D.
+
+    @abstractmethod
+    def hold(self, stiffness: float | FloatArray) -> None:
+        """Put springs ``D = stiffness``, a number or (k,), in place of the cones' block."""
+
+    @property
+    @abstractmethod
+    def springs(self) -> Springs:
+        """Directions d, (m, k), with the stiffness c (k,) of ``c d d^T`` in the block D."""
+
+    @property
+    @abstractmethod
+    def stiffest(self) -> FloatArray:
+        """The largest eigenvalue (k,) of the block D."""
 
     def _band(self, band: tuple[float, float]) -> tuple[float, float]:
         """A band of products per volume as one of these cones."""
@@ -180,7 +304,6 @@ class Cone(ABC):
     # Whether anything is admissible.
 
     def largest_multiplier(self) -> float:
-        """The largest multiplier of a limit on the displacement."""
         return 0.0
 
     def power(self, reactions: FloatArray, seen: FloatArray) -> float:
@@ -202,7 +325,7 @@ class Cone(ABC):
         return stiffness
 
 
-class LorentzCones(Cone):
+class LorentzCones(PointCones):
     """Pairs (x, z) of points in Lorentz cones, and the block ``D = a I + b w w^T``.
 
     ``a`` and ``b`` are (k,), ``w`` is (m, k).
@@ -235,7 +358,7 @@ class LorentzCones(Cone):
         return np.asarray(self.a * seen + self.b * dot(self.w, seen) * self.w)
 
 
-C = TypeVar("C", bound=Cone)
+C = TypeVar("C", bound=PointCones)
 
 
 class Pieces(ABC, Generic[C]):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +11,12 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.solver.interior_point.cones import Cone, Step
+from contact_locking.solver.interior_point.cones import Composite, PointCones, Step
 from contact_locking.solver.interior_point.lorentz import dot
 from contact_locking.solver.task import Multipliers
 
 
-class Family(Cone):
+class Family(PointCones):
     """Cones at points of the body, with the operator ``lin`` of what they see, and its adjoint.
 
     What a cone tells is about the points of this rank.
@@ -161,17 +161,20 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Direction:
-    """A step of the displacement with the travels, and of every family that takes part."""
+    """A step of the displacement with the travels, and of the cones that take part."""
 
     displacement: FloatArray
-    steps: Mapping[Family, Step]
+    step: Step
+    cones: Composite
+
+    def of(self, family: Family) -> Step:
+        """The step of one family."""
+        return self.cones.steps(self.step)[self.cones.cones.index(family)]
 
     def plus(self, other: Direction, share: float) -> Direction:
         """The direction plus ``share`` times the other."""
-        return Direction(
-            self.displacement + share * other.displacement,
-            {family: step.plus(other.steps[family], share) for family, step in self.steps.items()},
-        )
+        moved = self.displacement + share * other.displacement
+        return Direction(moved, self.step.plus(other.step, share), self.cones)
 
     def between(self, other: Direction, share: float) -> Direction:
         """The direction plus ``share`` times what leads from it to the other."""

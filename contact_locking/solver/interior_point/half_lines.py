@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from contact_locking.arrays import FloatArray
-from contact_locking.solver.interior_point.cones import Cone, Pieces, Springs, Step, count
+from contact_locking.solver.interior_point.cones import Pieces, PointCones, Springs, Step, count
 
 
-class HalfLines(Cone):
+class HalfLines(PointCones):
     """``x = limit + compliance z - lin(u) >= 0``, ``z >= 0``, ``x z = 0``, point by point.
 
     What is seen is a scalar (k,), and the reaction is z.  ``limit`` (k,) is its largest value.

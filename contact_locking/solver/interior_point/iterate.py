@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import exceeded_by_few, maximum, minimum, on_every_rank
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.solver.interior_point.cones import Composite, joined
 from contact_locking.solver.interior_point.contact_cones import FrictionCones
-from contact_locking.solver.interior_point.family import Direction, Family, Reaction
+from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent
-
-# Mehrotra's second-order terms, with those of recentrings, of each family.
-Corrections = Mapping[Family, FloatArray]
-_NONE: Corrections = {}
-
-
-def added(corrections: Corrections, changes: Corrections, share: float = 1.0) -> Corrections:
-    """Corrections with a share of the changes added."""
-    return {family: values + share * changes[family] for family, values in corrections.items()}
 
 
 class Iterate:
@@ -34,8 +24,8 @@ class Iterate:
     def __init__(self, tangent: Tangent, band: tuple[float, float]) -> None:
         self.tangent, self.comm, self._band = tangent, tangent.comm, band
         self.families = [family for family in tangent.families if family.takes_part]
-        local = sum(family.scale * float(family.weights.sum()) for family in self.families)
-        self._measure = float(self.comm.allreduce(local)) or 1.0
+        self.cones = Composite(self.families)
+        self._measure = float(self.comm.allreduce(self.cones.measure)) or 1.0
 
     @property
     def is_finite(self) -> bool:
@@ -56,19 +46,18 @@ class Iterate:
 
     def linearise(self) -> None:
         """Assemble the tangent of the point visited last; collective."""
-        for family in self.families:
-            family.linearise()
+        self.cones.linearise()
         self.tangent.refresh()
 
     def direction(
-        self, target: float, accuracy: float, corrections: Corrections = _NONE
+        self, target: float, accuracy: float, corrections: FloatArray | None = None
     ) -> Direction:
         """The steps of displacement and families towards products of ``target``; collective."""
         aims = self.aims(target, corrections)
         return self._direction_of(self.tangent.solve_step(aims, accuracy))
 
     def direction_with(
-        self, displacement: FloatArray, target: float, corrections: Corrections
+        self, displacement: FloatArray, target: float, corrections: FloatArray | None
     ) -> Direction:
         """The steps of the families with a known step of the displacement; collective."""
         self.aims(target, corrections)
@@ -81,53 +70,43 @@ class Iterate:
         order only.
         """
         at_rest = self._direction_of(self.tangent.nothing())
+        steps = zip(self.families, self.cones.steps(direction.step), strict=True)
         reactions = [
             Reaction(family, family.reactions_of(family.z + t * step.dual))
-            for family, step in direction.steps.items()
+            for family, step in steps
         ]
         du = self.tangent.step_after(t * direction.displacement, reactions, accuracy)
         return direction.plus(self._direction_of(du).plus(at_rest, -1.0), 1.0 / t)
 
-    def aims(self, target: float, corrections: Corrections) -> list[Reaction]:
+    def aims(self, target: float, corrections: FloatArray | None) -> list[Reaction]:
         """The reactions that steps towards products of ``target`` lead to if nothing moves."""
-        return [
-            Reaction(family, family.aim(target, corrections.get(family)))
-            for family in self.families
-        ]
+        aims = self.cones.of_seen(self.cones.aim(target, corrections))
+        return [Reaction(*pair) for pair in zip(self.families, aims, strict=True)]
 
     def _direction_of(self, du: FloatArray) -> Direction:
         """The steps of the families with a step of the displacement, towards what they aim at."""
-        return Direction(du, {family: family.step(family.see(du)) for family in self.families})
+        seen = joined(family.see(du) for family in self.families)
+        return Direction(du, self.cones.step(seen), self.cones)
 
-    def corrections(self, direction: Direction, weight: float) -> Corrections:
-        """Mehrotra's second-order terms of a direction, times ``weight``."""
-        steps = direction.steps
-        return {family: weight * family.correction(steps[family]) for family in self.families}
-
-    def recentring(self, reach: float, direction: Direction, target: float) -> Corrections:
+    def recentring(self, reach: float, direction: Direction, target: float) -> FloatArray:
         """The corrections that lead products after a step of ``reach`` nearer to ``target``."""
         band = self._band[0] * target, self._band[1] * target
-        return {
-            family: -family.recentring(reach, direction.steps[family], band)
-            for family in self.families
-        }
+        return -self.cones.recentring(reach, direction.step, band)
 
     def longest_step(self, direction: Direction) -> float:
         """How far a direction leads before a cone ends; collective."""
-        local = min(family.longest_step(direction.steps[family]) for family in self.families)
-        return minimum(self.comm, local)
+        return minimum(self.comm, self.cones.longest_step(direction.step))
 
     def longest_step_of_most(self, direction: Direction, share: float) -> float:
         """How far a direction leads, 1 at most, before a larger share of cones ends; collective."""
-        speeds = np.concatenate([f.speeds(direction.steps[f]) for f in self.families])
+        speeds = self.cones.speeds(direction.step)
         few = int(share * self.comm.allreduce(len(speeds)))
         return 1.0 / exceeded_by_few(self.comm, speeds, few, 1.0)
 
     def advance(self, t: float, direction: Direction) -> None:
         """Take a step of length t; collective."""
         self.tangent.move(t, direction.displacement)
-        for family in self.families:
-            family.advance(t, direction.steps[family])
+        self.cones.advance(t, direction.step)
 
     def total_product(self) -> float:
         """The duality gap: all complementarity products, integrated; collective."""
@@ -141,8 +120,7 @@ class Iterate:
 
     def mean_product(self, t: float = 0.0, direction: Direction | None = None) -> float:
         """The mean over all cones after a step of length t; collective."""
-        steps = {} if direction is None else direction.steps
-        local = sum(family.total(t, steps.get(family)) for family in self.families)
+        local = self.cones.total(t, None if direction is None else direction.step)
         return float(self.comm.allreduce(local)) / self._measure
 
     @property
@@ -172,7 +150,7 @@ class Iterate:
 
     def largest_multiplier(self) -> float:
         """The largest multiplier of a limit on the displacement; collective."""
-        return maximum(self.comm, max(family.largest_multiplier() for family in self.families))
+        return maximum(self.comm, self.cones.largest_multiplier())
 
     def describe_excess(self) -> str:
         """Which limit the displacement visited last exceeds, and where; collective."""

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
 from contact_locking.solver.interior_point.family import Direction
-from contact_locking.solver.interior_point.iterate import Corrections, Iterate, added
+from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Measures
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.settings import Settings
@@ -63,7 +64,8 @@ class Search:
         if self._foresees and measures.gap > tuning.foreseen_above:
             bound_step.foresee(affine)
         # 5. The corrector.
-        corrections = iterate.corrections(affine, min(1.0, t / tuning.trusted_length))
+        trust = min(1.0, t / tuning.trusted_length)
+        corrections = trust * iterate.cones.correction(affine.step)
         # 6. The friction bound.
         best = self._with_bounds(bound_step, target, corrections)
         t = self._length(best)
@@ -72,11 +74,11 @@ class Search:
             if t >= tuning.long_enough:
                 break
             change = iterate.recentring(min(1.0, t + tuning.reach), best, target)
-            recentred = iterate.direction(target, self._accuracy, added(corrections, change))
+            recentred = iterate.direction(target, self._accuracy, corrections + change)
             candidate, share, longer = self._longest_towards(recentred, best)
             if longer < tuning.gain * t:
                 break
-            best, corrections, t = candidate, added(corrections, change, share), longer
+            best, corrections, t = candidate, corrections + share * change, longer
         if self._bounds and bound_step.misses(best) > tuning.bound_missed:
             best = self._with_bounds(bound_step, target, corrections, best)
             t = self._length(best)
@@ -116,7 +118,7 @@ class Search:
         self,
         bound_step: BoundStep,
         target: float,
-        corrections: Corrections,
+        corrections: FloatArray,
         present: Direction | None = None,
     ) -> Direction:
         """The direction, with the steps of the friction bounds that agree with it; collective.
@@ -130,7 +132,7 @@ class Search:
             return self._joint(bound_step, target, corrections)
         return self._adapted(bound_step, present, target, corrections)
 
-    def _joint(self, bound_step: BoundStep, target: float, corrections: Corrections) -> Direction:
+    def _joint(self, bound_step: BoundStep, target: float, corrections: FloatArray) -> Direction:
         """The same by one solve; collective."""
         iterate, tangent = self._iterate, self._iterate.tangent
         bound_step.stand_still()
@@ -160,7 +162,7 @@ class Search:
         return best, share, length
 
     def _adapted(
-        self, bound_step: BoundStep, direction: Direction, target: float, corrections: Corrections
+        self, bound_step: BoundStep, direction: Direction, target: float, corrections: FloatArray
     ) -> Direction:
         """The same from a direction; collective."""
         if not self._bounds or bound_step.agrees(direction):
