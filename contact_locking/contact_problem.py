@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from contact_locking.monitor import Monitor
     from contact_locking.process.problem_solver import ProblemSolver
     from contact_locking.results.output import Extras
-    from contact_locking.solver.task import SolverReport
+    from contact_locking.solver.task import Outcome
 
 Condition: TypeAlias = fem.DirichletBC | Support | Displacement
 T = TypeVar("T", bound=Concept)
@@ -191,7 +191,7 @@ class ContactProblem:
         )
         return solution.warned(*solver.unused_options())
 
-    def report(self, after: Solution | None = None, start: Solution | None = None) -> SolverReport:
+    def report(self, after: Solution | None = None, start: Solution | None = None) -> Outcome:
         """How ``solver`` has solved for the present data; as in :meth:`solve`."""
         require_kind(start, Solution | None, "a solution of this problem", "start")
         self.begin(after)

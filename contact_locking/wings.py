@@ -36,7 +36,7 @@ class Seam:
 
 #: ``(SolvedState, Lifting, Extras) -> Proofs``: what is proved, for a certificate; collective.
 PROOFS = Seam()
-#: ``(ProblemSolver, SolverReport) -> Differentiable``: made when somebody asks.
+#: ``(ProblemSolver, Outcome) -> Differentiable``: made when somebody asks.
 DERIVATIVES = Seam()
 #: ``(SolvableStudy) -> Follower | None``: what a study asks for beside its solutions; raises
 #: InputError before the first solve; collective.

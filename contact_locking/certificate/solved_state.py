@@ -21,7 +21,7 @@ from contact_locking.problem.strain_sets import NormSet, StrainSet
 from contact_locking.problem.system import System
 from contact_locking.results.derived import BodyFields, ContactFields
 from contact_locking.solver.settings import Settings
-from contact_locking.solver.task import Multipliers, SolverReport, Target
+from contact_locking.solver.task import Multipliers, Outcome, Target
 from contact_locking.supports.conditions import Constraints
 
 
@@ -57,7 +57,7 @@ class SolvedState:
         system: System,
         target: Target,
         settings: Settings,
-        report: SolverReport,
+        report: Outcome,
     ) -> None:
         self.problem, self.system = problem, system
         self.target, self.settings, self.report = target, settings, report

@@ -25,7 +25,7 @@ from contact_locking.inverse.linearisation import Adjoint, Change, Linearisation
 from contact_locking.inverse.quantities import Quantity, quantity_of, scale_of
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.problem.system import System
-from contact_locking.solver.task import LastIterate, Target, Task
+from contact_locking.solver.task import SavedState, Target, Task
 
 # The width of central differences over the value: the cube root of the rounding.
 _WIDTH = float(np.cbrt(np.finfo(float).eps))
@@ -38,7 +38,7 @@ class Frozen:
     problem: DiscreteProblem
     system: System
     target: Callable[[], Target]
-    iterate: LastIterate
+    iterate: SavedState
 
     def equations(self) -> Equations:
         """The equations for the present data; collective."""

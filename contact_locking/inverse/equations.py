@@ -38,7 +38,7 @@ from contact_locking.solver.interior_point.families import Families, families_of
 from contact_locking.solver.interior_point.family import Family
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.lorentz import norm
-from contact_locking.solver.task import LastIterate, Target
+from contact_locking.solver.task import SavedState, Target
 
 # At the last iterate the equations hold to the tolerance of the solver, but for points near a
 # change of their state, which were moved inside their cones.  Data that have changed since the
@@ -94,7 +94,7 @@ class Equations:
     whose derivatives are not known.
     """
 
-    def __init__(self, system: System, target: Target, iterate: LastIterate) -> None:
+    def __init__(self, system: System, target: Target, iterate: SavedState) -> None:
         if system.data.own_energy is not None:
             raise InputError("a derivative is not known of an energy of the user's own", "energy")
         for contact in system.rubbing:

@@ -45,7 +45,7 @@ from contact_locking.solver.interior_point.lorentz import dot
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.linear.ksp import factorise
-from contact_locking.solver.task import LastIterate, Target, Task
+from contact_locking.solver.task import SavedState, Target, Task
 
 # The residual of the system of the bounds, relative, and the most iterations for it.
 _BOUNDS, _MOST = 1e-9, 300
@@ -343,7 +343,7 @@ _PRODUCT = 1e-10
 _LEAST_BOUND = 1e-12
 
 
-def nearer_the_path(linear: Linearisation) -> LastIterate | None:
+def nearer_the_path(linear: Linearisation) -> SavedState | None:
     """The iterate after a step to the mean product; None where the products are alike; collective.
 
     None as well where the step leads out of the cones at once.
@@ -379,10 +379,10 @@ def nearer_the_path(linear: Linearisation) -> LastIterate | None:
         else None
         for family in equations.every
     )
-    return LastIterate(system.u.x.array.copy(), travels, cones)
+    return SavedState(system.u.x.array.copy(), travels, equations.target.penalty, cones)
 
 
-def penalised_iterate(system: System, target: Target, tolerance: float) -> LastIterate:
+def penalised_iterate(system: System, target: Target, tolerance: float) -> SavedState:
     """The displacement of the system with the cones that its laws give; collective."""
     strain = target.mean_strain(system.energy(), system.largest_displacement(), tolerance)
     product = _PRODUCT * target.ellipticity * strain**2
@@ -401,4 +401,5 @@ def penalised_iterate(system: System, target: Target, tolerance: float) -> LastI
         family.settle(product)
         cones.append((family.x, family.z))
     families.destroy()
-    return LastIterate(system.u.x.array.copy(), system.tools.travels, tuple(cones))
+    u, travels = system.u.x.array.copy(), system.tools.travels
+    return SavedState(u, travels, target.penalty, tuple(cones))

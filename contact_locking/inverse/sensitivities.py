@@ -36,7 +36,7 @@ from contact_locking.results.solution import Solution
 from contact_locking.running.solving import SolvableStudy, settings_of, solve_assembled
 from contact_locking.solver.linear.ksp import UserOptions
 from contact_locking.solver.settings import Settings
-from contact_locking.solver.task import SolverReport, Task
+from contact_locking.solver.task import Outcome, Task
 from contact_locking.study.assembly import StudyProblem, assemble
 
 # A family of points with more than this share near a change is told of.
@@ -69,7 +69,7 @@ def require_derivatives(solver: ProblemSolver, names: Sequence[str] = ()) -> Non
 class LazyDerivatives:
     """The derivatives of the solution of a report, until :meth:`close`; collective."""
 
-    def __init__(self, solver: ProblemSolver, report: SolverReport) -> None:
+    def __init__(self, solver: ProblemSolver, report: Outcome) -> None:
         self._solver, self._report = solver, report
         self._made: Derivatives | None = None
         self._is_closed = False
@@ -228,7 +228,7 @@ class Sensitivities:
         self._numbers = [StudyNumber(study.problem, name) for name in given.to]
         self._shares: dict[str, float] = {}
 
-    def after(self, solution: Solution, report: SolverReport) -> Solution:
+    def after(self, solution: Solution, report: Outcome) -> Solution:
         """The solution with the entries of its summary.
 
         The shares near a change are the largest of the steps so far, as friction remembers each.

@@ -11,7 +11,7 @@ from contact_locking.penalty_method.equations import Equations
 from contact_locking.penalty_method.fixed_point import Unsettled, fixed_point
 from contact_locking.penalty_method.newton import Newton
 from contact_locking.solver.explain import BOUND_WAY_OUT
-from contact_locking.solver.task import Outcome, SavedState, SolverReport, Task, stage_of
+from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
@@ -24,7 +24,7 @@ _FROM_SAVED = 30
 _WAY_OUT = "Try solver.method: auto, lower penalty.n or raise penalty.epsilon."
 
 
-def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
+def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     """Solve (26) with the fixed point of its friction bound; collective.
 
     From a saved state it starts with the penalties of that state; where this fails, from nothing.
@@ -41,20 +41,19 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
         path = PenaltyPath.onwards(saved.penalty, task.target)
         try:
             outcome = _along(path, few, equations, stages)
-            return SolverReport.solved(outcome, task.counts, stages=stages, from_saved=True)
+            return replace(outcome.counted(task.counts, stages), from_saved=True)
         except NotConverged:
             task.system.clear()
             stages.clear()
     try:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
-        reached = Outcome(equations.multipliers())
-        if isinstance(failure, Unsettled):
-            reached = reached.settled(failure.change, failure.contraction)
-        known = vars(reached) | vars(task.counts)
         way_out = f"{_WAY_OUT}  {BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
-        return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
-    return SolverReport.solved(outcome, task.counts, stages=stages)
+        outcome = Outcome(equations.multipliers(), reason=str(failure), suggestion=way_out)
+        if isinstance(failure, Unsettled):
+            change, contraction = failure.change, failure.contraction
+            outcome = replace(outcome, friction_change=change, contraction=contraction)
+    return outcome.counted(task.counts, stages)
 
 
 def _along(
@@ -89,13 +88,14 @@ def _settled(newton: Newton, task: Task, equations: Equations) -> Outcome:
 
     Each bound takes a step at least, and its solve is only as sharp as the bound is known.
     """
-    tolerance, outcome = task.settings.tolerance, Outcome()
+    tolerance = task.settings.tolerance
+    change = contraction = None
 
     def solve_tresca(change: float) -> None:
         sharpness = min(_SHARE_OF_CHANGE * change, _FIRST)
         newton.solve(max(_SHARPEST * tolerance, sharpness), least_steps=1)
 
     if task.system.rubbing:
-        outcome = outcome.settled(*fixed_point(task, equations, solve_tresca))
+        change, contraction = fixed_point(task, equations, solve_tresca)
     newton.solve(tolerance)
-    return replace(outcome, multipliers=equations.multipliers())
+    return Outcome.solved(equations.multipliers(), friction_change=change, contraction=contraction)

@@ -45,7 +45,6 @@ from contact_locking.solver.task import (
     Multipliers,
     Outcome,
     SavedState,
-    SolverReport,
     multiplier_spaces,
 )
 
@@ -93,7 +92,7 @@ class Checkpoint:
     memories: tuple[tuple[FloatArray, FloatArray], ...]
     old_displacement: FloatArray | None
 
-    def solved_again(self, solver: ProblemSolver) -> SolverReport | None:
+    def solved_again(self, solver: ProblemSolver) -> Outcome | None:
         """The report if the state meets the criteria of a solution, otherwise None; collective."""
         state = self.restored(solver)
         if is_solved(state):
@@ -113,8 +112,9 @@ class Checkpoint:
         if len(self.history):
             counts = Counts(int(self.history.last("tangents")), int(self.history.last("linear")))
         system.bounds.enter(contacts, self.bounds)
-        outcome = Outcome(self.multipliers)
-        return solver.state(SolverReport.solved(outcome, counts, from_saved=True))
+        assert self.multipliers is not None
+        outcome = Outcome.solved(self.multipliers, from_saved=True)
+        return solver.state(outcome.counted(counts, ()))
 
 
 class Layout:
@@ -319,8 +319,8 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
     state = SavedState(
         field("displacement", problem.u.function_space).x.array,
         tuple(about["travels"]),
-        multipliers,
         Penalty(about["n"], about["epsilon"], tuple(about["regularisations"])),
+        multipliers=multipliers,
     )
     return Checkpoint(
         state,
@@ -399,7 +399,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
     return fields
 
 
-def start_in_words(directory: str | Path, report: SolverReport) -> str:
+def start_in_words(directory: str | Path, report: Outcome) -> str:
     """How a solve has used the state that was saved in a folder, in words."""
     if not report.from_saved:
         return f"from nothing, as the state in {directory} is too far away"

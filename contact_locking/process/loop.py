@@ -36,7 +36,7 @@ from contact_locking.results.probes import in_step
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import Solution, State
 from contact_locking.results.table import Row, Table
-from contact_locking.solver.task import SolverReport
+from contact_locking.solver.task import Outcome
 
 # How much later, as a share of the time, a proof is asked for where a step fails.
 _BEYOND = 0.03
@@ -262,7 +262,7 @@ class Process(Iterator[S]):
             last = solution.state
             discrete.enter(last.contacts)
 
-    def _solve_at(self, at: float, last: State | None) -> SolverReport:
+    def _solve_at(self, at: float, last: State | None) -> Outcome:
         """Solve at the present time; collective."""
         self._monitor.step(len(self.history) + 1, self._timeline.left, at)
         saved = None if last is None else last.saved
@@ -287,7 +287,7 @@ class Process(Iterator[S]):
             self._put(at)
         if verdict is None:
             return False
-        report = SolverReport(is_infeasible=True, reason=verdict.reason, suggestion=verdict.way_out)
+        report = Outcome(is_infeasible=True, reason=verdict.reason, suggestion=verdict.way_out)
         self._timeline.refuse(beyond, report)
         return True
 
@@ -354,7 +354,7 @@ class Timeline:
         self._planned, self._least = deque(steps.planned), steps.least
         self.start = self._interval_start = self.done = steps.start
         self._longest = math.inf
-        self.refused: tuple[float, SolverReport] | None = None
+        self.refused: tuple[float, Outcome] | None = None
         self.failed: dict[float, str] = {}
 
     @property
@@ -401,7 +401,7 @@ class Timeline:
         refused = self.refused
         return self.target in self.failed or (refused is not None and self.target >= refused[0])
 
-    def refuse(self, time: float, report: SolverReport) -> None:
+    def refuse(self, time: float, report: Outcome) -> None:
         """Take a time at which nothing is admissible, as the report says."""
         if self.refused is None or time < self.refused[0]:
             self.refused = time, report

@@ -38,7 +38,7 @@ from contact_locking.solver.linear.factorised import chosen
 from contact_locking.solver.linear.ksp import UserOptions
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve as solve_system
-from contact_locking.solver.task import SavedState, SolverReport, Target, Task
+from contact_locking.solver.task import Outcome, SavedState, Target, Task
 
 # The frame of bodies that touch each other is that of the solution after one to three solves.
 _MOST_FRAMES = 8
@@ -61,7 +61,7 @@ class ProblemSolver:
         self, problem: DiscreteProblem, settings: Settings, monitor: Monitor | None = None
     ) -> None:
         self.problem, self.monitor = problem, monitor or Monitor()
-        self._derivatives: tuple[SolverReport, Differentiable] | None = None
+        self._derivatives: tuple[Outcome, Differentiable] | None = None
         self._method = settings.method
         if self._method == "penalty":
             require_served(problem)
@@ -107,7 +107,7 @@ class ProblemSolver:
         self,
         saved: SavedState | None = None,
         searches: bool = True,
-    ) -> SolverReport:
+    ) -> Outcome:
         """Solve at present, from a saved state if that helps; collective.
 
         ``searches`` is that of :class:`Task`.
@@ -138,7 +138,7 @@ class ProblemSolver:
             report = dataclasses.replace(report, warnings=warnings)
         return report
 
-    def _next_start(self, report: SolverReport) -> SavedState | None:
+    def _next_start(self, report: Outcome) -> SavedState | None:
         """Let bodies face each other as they do at the solution; collective.
 
         Returns where to go on from, None if they face each other so already.
@@ -148,9 +148,13 @@ class ProblemSolver:
         touching = [forces.touches for forces in report.multipliers.contacts]
         if not problem.go_along(touching):
             return None
-        displacement, travels = problem.u.x.array.copy(), system.tools.travels
-        penalty = problem.penalty
-        return SavedState(displacement, travels, report.multipliers, penalty, report.last)
+        return SavedState(
+            problem.u.x.array.copy(),
+            system.tools.travels,
+            problem.penalty,
+            report.last.cones if report.last else (),
+            report.multipliers,
+        )
 
     @property
     def task(self) -> Task:
@@ -172,7 +176,7 @@ class ProblemSolver:
         """Whether a proof shows that no forces balance the present loads; collective."""
         return self.problem.free > 0 and self.problem.rigidity.is_unheld()
 
-    def derivatives(self, report: SolverReport) -> Differentiable | None:
+    def derivatives(self, report: Outcome) -> Differentiable | None:
         """The derivatives of the solution of a report, until the next solve."""
         if self._derivatives is None or self._derivatives[0] is not report:
             self.close()
@@ -187,7 +191,7 @@ class ProblemSolver:
             self._derivatives[1].close()
             self._derivatives = None
 
-    def state(self, report: SolverReport) -> SolvedState:
+    def state(self, report: Outcome) -> SolvedState:
         """The solved state with its stresses and tractions; collective."""
         return SolvedState(self.problem, self.system, self.target, self.settings, report)
 
@@ -321,7 +325,7 @@ def state_of(state: SolvedState) -> State:
         travels=state.system.tools.travels,
         multipliers=state.multipliers,
         penalty=problem.penalty,
-        last=state.report.last,
+        cones=state.report.last.cones if state.report.last else (),
     )
     after = tuple(
         fields.contact.state_after(problem.u, fields.state != OPEN, fields.holds)

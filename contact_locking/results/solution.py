@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from contact_locking.mesh.domain import Domain
     from contact_locking.problem.forms import ProblemData
     from contact_locking.results.derived import ContactFields
-    from contact_locking.solver.task import SavedState, SolverReport
+    from contact_locking.solver.task import Outcome, SavedState
 
 
 _VERDICT = ("converged", "reason", "suggestion", "warnings")
@@ -122,7 +122,7 @@ class Solution:
     suggestion: str = ""
     warnings: Sequence[str] = ()
     certificate: Any = None  # of the package certificate, which is made of results
-    report: SolverReport | None = None
+    report: Outcome | None = None
     differentiable: Differentiable | None = None
     data: ProblemData | None = None
     time: float = 0.0

@@ -31,7 +31,7 @@ from contact_locking.process.settings import Adaptation
 from contact_locking.results.probes import sample
 from contact_locking.results.solution import Solution
 from contact_locking.solver.settings import Settings
-from contact_locking.solver.task import SolverReport
+from contact_locking.solver.task import Outcome
 from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.study_file import problem_fingerprint, require_parameters
 from contact_locking.study_file.parameters import Parameters
@@ -56,7 +56,7 @@ def settings_of(parameters: Parameters, petsc_options: Mapping[str, Any] | None 
 class Follower(Protocol):
     """Further results that a study asks for after each of its solutions; collective."""
 
-    def after(self, solution: Solution, report: SolverReport) -> Solution:
+    def after(self, solution: Solution, report: Outcome) -> Solution:
         """The solution with what is added to it."""
 
     def close(self) -> None:

@@ -19,7 +19,7 @@ from contact_locking.parallel import maximum
 from contact_locking.problem.system import SystemState
 from contact_locking.solver.interior_point.farkas import GAP_ROUNDING
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.task import Counts, Outcome, SolverReport, Target, Task
+from contact_locking.solver.task import Counts, Outcome, Target, Task
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 BOUND_WAY_OUT = (
@@ -64,48 +64,41 @@ class Reasons:
         """That forces grow with the penalty, None if they do not; collective."""
         return find_growth(self._task)
 
-    def leave_hope(self, failure: NotConverged) -> bool:
+    def leave_hope(self, failed: Outcome) -> bool:
         """Whether there may be a solution after a failure; collective."""
         task = self._task
-        if isinstance(failure, Infeasible) or self.is_unbalanced or not task.searches:
+        if failed.is_infeasible or self.is_unbalanced or not task.searches:
             return False
         # Penalised problems have solutions where nothing is admissible.
         if task.target.penalty.is_strict and self.verdict is not None:
             return False
         return self.growth is None
 
-    def explain(self, report: SolverReport, failure: NotConverged) -> SolverReport:
-        """The report of a failure with its reason and a way out; collective.
+    def explain(self, failed: Outcome) -> Outcome:
+        """A failure with its reason and a way out; collective.
 
         Where forces grow, the system gets the state of the stiffer of the two penalties.
         """
-        task, is_infeasible = self._task, isinstance(failure, Infeasible)
-        report = dataclasses.replace(
-            report,
-            is_infeasible=is_infeasible,
-            is_unbalanced=self.is_unbalanced,
-            reason=str(failure),
-            suggestion=_way_out(task),
-        )
+        task = self._task
         if self.is_unbalanced:
-            return report
-        if task.searches and not is_infeasible and self.growth is not None:
+            return dataclasses.replace(failed, is_unbalanced=True, suggestion=_way_out(task))
+        if task.searches and not failed.is_infeasible and self.growth is not None:
             task.system.restore(self.growth.stiffer.state)
             return dataclasses.replace(
-                report,
-                **vars(self.growth.stiffer.outcome),
-                reason=f"{failure}; {self.growth.reason}",
+                self.growth.stiffer.outcome,
+                converged=False,
+                reason=f"{failed.reason}; {self.growth.reason}",
                 suggestion=_WEDGED_WAY_OUT,
             )
         if (verdict := self.verdict) is not None:
             return dataclasses.replace(
-                report,
+                failed,
                 is_infeasible=task.target.penalty.is_strict,
                 reason=verdict.reason,
                 suggestion=verdict.way_out,
                 admissible_factor=verdict.factor,
             )
-        return report
+        return dataclasses.replace(failed, suggestion=_way_out(task))
 
 
 def _way_out(task: Task) -> str:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.solver.explain import Reasons
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
-from contact_locking.solver.task import Outcome, SavedState, SolverReport, Task, stage_of
+from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
 
 # Each attempt begins with the elastic displacement.  The first tries the pieces of the laws, from a
 # saved state and from that displacement, before the interior point method; all are finished by the
@@ -21,45 +21,31 @@ _FACTORISED = (
 )
 
 
-def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
+def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     """Solve the system of ``task`` for the penalty of its target; collective.
 
-    ``saved`` is where to go on from if that is any use; ``report.from_saved`` says whether it was.
-    An attempt that an iterative linear solver ends goes again with a direct one, if auto would have
-    taken that.
+    ``saved`` is where to go on from if that is any use; ``from_saved`` of the outcome says whether
+    it was.  An attempt that an iterative linear solver ends goes again with a direct one, if auto
+    would have taken that.
     """
     penalty, reasons = task.target.penalty, Reasons(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
     warnings, attempts = list[str](), list(_attempts_of(task))
-    while True:
-        attempt = _attempt(attempts[0], task, saved)
+    while not (outcome := _attempt(attempts[0], task, saved)).converged:
         saved = None
-        if attempt.failure is None:
-            found, is_from_saved = attempt.outcome, attempt.is_from_saved
-            report = SolverReport.solved(found, task.counts, from_saved=is_from_saved)
-            break
-        if str(attempt.failure) == LINEAR_FAILURE and _may_factorise(task):
+        if outcome.reason == LINEAR_FAILURE and _may_factorise(task):
             task = task.with_settings(linear="direct")
             warnings.append(_FACTORISED)
-        elif len(attempts) > 1 and reasons.leave_hope(attempt.failure):
+        elif len(attempts) > 1 and reasons.leave_hope(outcome):
             del attempts[0]
         else:
-            report = reasons.explain(SolverReport(**vars(attempt.outcome)), attempt.failure)
+            outcome = reasons.explain(outcome)
             break
     stages = [stage_of(penalty, task.counts.tangents)]
-    report = replace(report, **vars(task.counts), stages=stages, warnings=warnings)
+    outcome = replace(outcome.counted(task.counts, stages), warnings=warnings)
     task.system.tools.rest(task.system.u)
-    task.monitor.counted(report.tangents, report.updates)
-    return report
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """What a solver has found, or has reached before a failure."""
-
-    outcome: Outcome
-    failure: NotConverged | None = None
-    is_from_saved: bool = False
+    task.monitor.counted(outcome.tangents, outcome.updates)
+    return outcome
 
 
 def _attempts_of(task: Task) -> Sequence[Approach]:
@@ -67,7 +53,7 @@ def _attempts_of(task: Task) -> Sequence[Approach]:
     return LADDER if task.system.rubbing else LADDER[:1]
 
 
-def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Attempt:
+def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcome:
     """What a solver finds, finished by the pieces of the laws; collective.
 
     No two solvers exist at a time, as each takes much memory.
@@ -75,14 +61,15 @@ def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Attemp
     system, solver = task.system, InteriorPoint(task, approach)
     system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
     try:
-        outcome = solver.finish(solver.solve(solver.iterate_of(saved)))
-        return Attempt(outcome, is_from_saved=solver.from_saved)
+        return solver.finish(solver.solve(solver.state_of(saved)))
     except NotConverged as failure:
-        rescued = None if isinstance(failure, Infeasible) else solver.rescue()
-        if rescued is not None:
-            return Attempt(rescued)
-        reached = Outcome(solver.multipliers(), friction_change=solver.friction_change)
-        return Attempt(reached, failure)
+        is_infeasible = isinstance(failure, Infeasible)
+        return (None if is_infeasible else solver.rescue()) or Outcome(
+            solver.multipliers(),
+            friction_change=solver.friction_change,
+            reason=str(failure),
+            is_infeasible=is_infeasible,
+        )
     finally:
         solver.destroy()
 

@@ -150,79 +150,73 @@ class Counts:
 
 
 @dataclass(frozen=True)
-class LastIterate:
-    """Local displacements, ghosts included, travels of tools, and a pair (x, z) for each family.
+class SavedState:
+    """A solution of some problem on this mesh, from which another solve may lead on.
 
-    A family that takes no part, as all do not where the body is elastic, has None.
+    ``displacement`` holds local values, ghosts included, ``travels`` those of the tools, and
+    ``penalty`` the penalty parameters.  ``cones`` has the last pair (x, z) of each family of the
+    interior point method, None for a family that takes no part; it is empty where these are not
+    known.  ``multipliers`` are None where the contacts or the sets of strains were others.
     """
 
     displacement: FloatArray
     travels: tuple[float, ...]
-    cones: tuple[Pair | None, ...]
+    penalty: Penalty
+    cones: tuple[Pair | None, ...] = ()
+    multipliers: Multipliers | None = None
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a solver has found beside the displacement and the friction bounds in the system.
+    """What a solve has led to, and what it took; displacement and bounds are in the system.
 
-    ``multipliers`` are None where a solve ended before there were any.
-    ``last`` is the last iterate of the interior point method, None where that did not arrive.
-    ``friction_change`` is the last change of the friction bounds, relative.  ``contraction`` is the
-    factor by which the friction fixed point shrank its update, None where there was too little to
-    observe.
+    ``multipliers`` are None where a solve ended before there were any, and ``last`` is the last
+    state of the interior point method, None where that did not arrive.  ``friction_change`` is the
+    last change of the friction bounds, relative, and ``contraction`` the factor by which their
+    fixed point shrank its update, None where there was too little to observe.
+
+    ``reason`` says in words why a solve failed, ``suggestion`` what may help.  ``is_infeasible``
+    says that nothing is admissible on this mesh, and ``is_unbalanced`` that no forces balance the
+    loads.  ``admissible_factor`` brackets the largest multiple of the prescribed displacements that
+    can be followed, if they cannot be.  ``from_saved`` says that a saved state was what the
+    solution was reached from.  ``tangents``, ``linear`` and ``updates`` are those of all
+    ``stages``.  ``warnings`` say in words where another way was taken than the one asked for.
     """
 
     multipliers: Multipliers | None = None
-    last: LastIterate | None = None
+    last: SavedState | None = None
     duality_gap: float | None = None
     friction_change: float | None = None
     contraction: float | None = None
-
-    def settled(self, change: float, contraction: float | None) -> Outcome:
-        """The same after a fixed point of the friction bounds."""
-        contraction = self.contraction if contraction is None else contraction
-        return dataclasses.replace(self, friction_change=change, contraction=contraction)
-
-
-@dataclass(frozen=True)
-class SolverReport(Outcome):
-    """How a solve went, and what it took over all stages; ``reason`` is in words.
-
-    ``is_infeasible`` says that nothing is admissible on this mesh, and ``is_unbalanced`` that no
-    forces balance the loads.  ``suggestion`` names the way out of a failure.  ``admissible_factor``
-    brackets the largest multiple of the prescribed displacements that can be followed, if they
-    cannot be.  ``from_saved`` says that a saved state was what the solution was reached from.
-    ``warnings`` say in words where another way was taken than the one asked for.
-    """
-
     converged: bool = False
-    is_infeasible: bool = False
-    is_unbalanced: bool = False
     reason: str = ""
     suggestion: str = ""
+    is_infeasible: bool = False
+    is_unbalanced: bool = False
+    admissible_factor: tuple[float, float] | None = None
+    from_saved: bool = False
     tangents: int = 0
     linear: int = 0
     updates: int = 0
-    admissible_factor: tuple[float, float] | None = None
-    from_saved: bool = False
     stages: Sequence[dict[str, float | int]] = ()
     warnings: Sequence[str] = ()
 
     @classmethod
-    def solved(cls, found: Outcome, counts: Counts, **more: Any) -> SolverReport:
-        """The report of a solve whose criteria all hold."""
-        known = {**vars(found), **vars(counts), **more}
-        return cls(**known, converged=True, reason="every criterion held")
+    def solved(cls, multipliers: Multipliers, **others: Any) -> Outcome:
+        """A solve whose criteria all hold."""
+        return cls(multipliers, **others, converged=True, reason="every criterion held")
 
-    def after(self, before: SolverReport) -> SolverReport:
-        """The report of a solve that goes on from another one."""
-        counts = {
-            name: getattr(self, name) + getattr(before, name)
-            for name in ("tangents", "linear", "updates")
-        }
+    def counted(self, counts: Counts, stages: Sequence[dict[str, float | int]]) -> Outcome:
+        """The same with what it took."""
+        return dataclasses.replace(self, **vars(counts), stages=stages)
+
+    def after(self, before: Outcome) -> Outcome:
+        """The outcome of a solve that goes on from another one."""
         return dataclasses.replace(
             self,
-            **counts,
+            tangents=self.tangents + before.tangents,
+            linear=self.linear + before.linear,
+            updates=self.updates + before.updates,
             contraction=self.contraction or before.contraction,
             from_saved=before.from_saved,
             stages=[*before.stages, *self.stages],
@@ -275,19 +269,3 @@ class Task:
         strain = self.target.mean_strain(system.energy(), 0.0, tolerance)
         rounding = self.target.mean_strain(0.0, displacement, tolerance)
         return self.target.least_bound(max(strain, _ROUNDING_OF_SOLVES * rounding))
-
-
-@dataclass(frozen=True)
-class SavedState:
-    """The solution of some problem on this mesh with the penalty parameters ``penalty``.
-
-    ``displacement`` holds local values, ghosts included, and ``travels`` those of the tools.
-    ``multipliers`` are None where the contacts or the sets of strains were others.  ``last`` is the
-    last iterate that led to this state, if it is known.
-    """
-
-    displacement: FloatArray
-    travels: tuple[float, ...]
-    multipliers: Multipliers | None
-    penalty: Penalty
-    last: LastIterate | None = None

@@ -14,7 +14,7 @@ from contact_locking.results import folder as names
 from contact_locking.results.output import Extras
 from contact_locking.results.solution import Solution
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.solver.task import SolverReport
+from contact_locking.solver.task import Outcome
 from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
@@ -113,7 +113,7 @@ class SectionsOfStudy:
     def __init__(self, study: SolvableStudy) -> None:
         self._study, self._monitor = study, study.solver.monitor
 
-    def after(self, solution: Solution, report: SolverReport) -> Solution:
+    def after(self, solution: Solution, report: Outcome) -> Solution:
         """The solution with the branch in its summary, or with others, each certified."""
         given, solver = self._study.parameters, self._study.solver
         if given.branches is not None:

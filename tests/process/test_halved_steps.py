@@ -19,7 +19,7 @@ from contact_locking.process.settings import Steps
 from contact_locking.results.in_words import verdict
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.run import run
-from contact_locking.solver.task import SolverReport
+from contact_locking.solver.task import Outcome
 from contact_locking.study.assembly import StudyProblem
 
 pytestmark = pytest.mark.serial
@@ -39,10 +39,10 @@ class Failing:
     def patch(self, monkeypatch: pytest.MonkeyPatch) -> None:
         solve_one = ProblemSolver.solve
 
-        def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        def solved(solver: ProblemSolver, *given: Any) -> Outcome:
             now = now_of(solver)
             if now - self.done > self.most:
-                return SolverReport(reason="too far", suggestion="be quick")
+                return Outcome(reason="too far", suggestion="be quick")
             self.done = now
             self.times.append(now)
             return solve_one(solver, *given)
@@ -64,7 +64,7 @@ def test_a_step_whose_solution_fails_a_criterion_is_halved(monkeypatch: pytest.M
     """A state that the solver takes for a solution is not, if it is far from the last one."""
     solve_one, last = ProblemSolver.solve, [0.0]
 
-    def wrong(solver: ProblemSolver, *given: Any) -> SolverReport:
+    def wrong(solver: ProblemSolver, *given: Any) -> Outcome:
         report, now = solve_one(solver, *given), now_of(solver)
         if now - last[0] > 0.3:
             solver.problem.u.x.array[:] *= 1.001
@@ -124,7 +124,7 @@ def searching(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
     """Whether each solve may search for a solution in other ways."""
     found, solve_one = list[bool](), ProblemSolver.solve
 
-    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+    def solved(solver: ProblemSolver, *given: Any) -> Outcome:
         found.append(given[1] if len(given) > 1 else True)
         return solve_one(solver, *given)
 
@@ -154,9 +154,9 @@ def test_a_run_that_stops_has_the_last_solution_in_its_files(
 ) -> None:
     solve_one = ProblemSolver.solve
 
-    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+    def solved(solver: ProblemSolver, *given: Any) -> Outcome:
         if solver.problem.clock.now > 0.6:
-            return SolverReport(reason="it is late", suggestion="be quick")
+            return Outcome(reason="it is late", suggestion="be quick")
         return solve_one(solver, *given)
 
     monkeypatch.setattr(ProblemSolver, "solve", solved)
@@ -179,9 +179,9 @@ def test_a_run_that_stops_has_the_last_solution_in_its_files(
 def test_no_time_beyond_one_at_which_nothing_is_admissible_is_tried(
     parameters: Parameters, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    times, reports, solve_one = list[float](), list[SolverReport](), ProblemSolver.solve
+    times, reports, solve_one = list[float](), list[Outcome](), ProblemSolver.solve
 
-    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+    def solved(solver: ProblemSolver, *given: Any) -> Outcome:
         assert isinstance(solver.problem, StudyProblem)
         times.append(solver.problem.clock.now)
         reports.append(solve_one(solver, *given))
@@ -212,8 +212,8 @@ def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
 
 def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
     timeline = Timeline(Steps(times=(1.0, 2.0)))
-    timeline.refuse(1.1, SolverReport(reason="too far"))
-    timeline.refuse(1.0, SolverReport(reason="infeasible"))
+    timeline.refuse(1.1, Outcome(reason="too far"))
+    timeline.refuse(1.0, Outcome(reason="infeasible"))
     seen = [(timeline.target, timeline.is_barred)]
     assert timeline.fail()
     seen.append((timeline.target, timeline.is_barred))

@@ -18,7 +18,7 @@ from sheared_block import all_of, sheared
 import contact_locking as cl
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.table import Table
-from contact_locking.solver.task import SolverReport
+from contact_locking.solver.task import Outcome
 
 Fail = Callable[[Callable[[], float]], None]
 TIMES = tuple(k / 8 for k in range(1, 9))
@@ -96,9 +96,9 @@ def late(monkeypatch: pytest.MonkeyPatch) -> Fail:
     def fail(now: Callable[[], float]) -> None:
         solve, done = ProblemSolver.solve, [0.0]
 
-        def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        def solved(solver: ProblemSolver, *given: Any) -> Outcome:
             if (done[-1], now()) == (0.375, 0.5):
-                return SolverReport(reason="too far", suggestion="be quick")
+                return Outcome(reason="too far", suggestion="be quick")
             done.append(now())
             return solve(solver, *given)
 

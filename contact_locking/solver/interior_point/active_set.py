@@ -33,7 +33,7 @@ from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.slips import SlipPieces
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.task import LastIterate, Task
+from contact_locking.solver.task import SavedState, Task
 
 # How many times stiffer than the body a step is where a law admits one displacement only.
 _STIFFEST = 1e7
@@ -136,7 +136,7 @@ class ActiveSet:
             return None
         return self._solve_or_restore(is_linearised=False)
 
-    def knows(self, last: LastIterate) -> bool:
+    def knows(self, last: SavedState) -> bool:
         """Whether a solution is one of these laws; collective."""
         families = list(self._laws)
         fits = len(families) == len(last.cones) and all(
@@ -145,7 +145,7 @@ class ActiveSet:
         )
         return on_every_rank(self._tangent.comm, fits)
 
-    def from_last(self, last: LastIterate) -> Iterate | None:
+    def from_last(self, last: SavedState) -> Iterate | None:
         """As :meth:`from_elastic`, from the solution of the step before; collective.
 
         The system has the prescribed displacements of the present step.  The first step goes on
@@ -184,7 +184,7 @@ class ActiveSet:
             system.u.x.array[:], system.tools.travels = held
         return found
 
-    def last(self) -> LastIterate:
+    def last(self) -> SavedState:
         """The solution as an iterate of the interior point method; collective."""
         target, system = self._task.target, self._task.system
         strain = self._judge.mean_strain(self._task.settings.tolerance)
@@ -202,7 +202,8 @@ class ActiveSet:
             is_zero = item.contact.norm(bound) == 0.0
             under = item.friction.nodes.of_all(bound)
             cones[item.friction] = None if is_zero else rubbing.inside_under(under, product)
-        return LastIterate(system.u.x.array.copy(), system.tools.travels, tuple(cones.values()))
+        u, travels, penalty = system.u.x.array.copy(), system.tools.travels, target.penalty
+        return SavedState(u, travels, penalty, tuple(cones.values()))
 
     # The iteration.
 

@@ -30,6 +30,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from petsc4py import PETSc
@@ -48,7 +49,7 @@ from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import CLOSE, Approach, Tuning
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
-from contact_locking.solver.task import LastIterate, Multipliers, Outcome, SavedState, Task
+from contact_locking.solver.task import Multipliers, Outcome, SavedState, Task
 
 
 class InteriorPoint:
@@ -74,27 +75,34 @@ class InteriorPoint:
         self._judge = Judge(task, self._tangent, tuning)
         #: Whether the elastic displacement alone is the solution.
         self.is_elastic = False
-        #: Whether the solution goes on from the saved state.
-        self.from_saved = False
         self._pieces: ActiveSet | None = None
         self._first: tuple[float, float] | None = None
+        self._is_from_saved = False
 
-    def solve(self, last: LastIterate | None = None) -> Outcome:
+    def solve(self, last: SavedState | None = None) -> Outcome:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
 
         ``last`` is a solution that may be near, such as that of the step before.
         """
         return self._solve(lambda: self._start(last))
 
-    def solve_near(self, last: LastIterate) -> Outcome:
+    def solve_near(self, last: SavedState) -> Outcome:
         """As :meth:`solve`, by the pieces of the laws alone, from a state near a solution."""
         return self._solve(lambda: self._start_near(last))
 
     def _solve(self, start: Callable[[], bool]) -> Outcome:
         # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
-            gap = self._iterate_to_the_end(start)
-            return Outcome(self.multipliers(), self._last(), gap, self.friction_change)
+            return self._solved(self._iterate_to_the_end(start))
+
+    def _solved(self, gap: float) -> Outcome:
+        return Outcome.solved(
+            self.multipliers(),
+            last=self._last(),
+            duality_gap=gap,
+            friction_change=self.friction_change,
+            from_saved=self._is_from_saved,
+        )
 
     @property
     def friction_change(self) -> float:
@@ -120,7 +128,7 @@ class InteriorPoint:
         """
         return self._by_pieces(self._last()) if self._iterate.is_finite else None
 
-    def _by_pieces(self, last: LastIterate) -> Outcome | None:
+    def _by_pieces(self, last: SavedState) -> Outcome | None:
         """The solution that the pieces of the laws lead to from an iterate; collective.
 
         None where they do not arrive, where linear solves are iterative, and for an elastic body.
@@ -131,7 +139,7 @@ class InteriorPoint:
         with np.errstate(all="ignore"):
             if not self._take(pieces, pieces.from_last(last)):
                 return None
-        return Outcome(self.multipliers(), self._last(), self._gap, self.friction_change)
+        return self._solved(self._gap)
 
     def multipliers(self) -> Multipliers:
         """The multipliers of the present iterate; collective."""
@@ -171,10 +179,12 @@ class InteriorPoint:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
 
-    def iterate_of(self, saved: SavedState | None) -> LastIterate | None:
-        """The iterate that led to a saved state, or one of its multipliers; None without."""
-        if saved is None or saved.last is not None or saved.multipliers is None:
-            return None if saved is None else saved.last
+    def state_of(self, saved: SavedState | None) -> SavedState | None:
+        """A saved state with cones, of its multipliers if need be; None without; collective."""
+        if saved is None or saved.cones:
+            return saved
+        if saved.multipliers is None:
+            return None
         families, system = self._families, self._task.system
         with system.preserved():
             system.u.x.array[:] = saved.displacement
@@ -184,18 +194,18 @@ class InteriorPoint:
                 bound.friction.z[0] = bound.friction.nodes.of_all(bound.wanted())
         # Where nodes have slid is not saved.
         pairs = tuple((np.zeros_like(family.x), family.z) for family in families.every)
-        return LastIterate(saved.displacement, saved.travels, pairs)
+        return replace(saved, cones=pairs)
 
-    def _last(self) -> LastIterate:
+    def _last(self) -> SavedState:
         if self._pieces is not None:
             return self._pieces.last()
-        system = self._task.system
+        system, penalty = self._task.system, self._task.target.penalty
         taking_part = () if self.is_elastic else self._iterate.families
         cones = tuple(
             (family.x, family.z) if family in taking_part else None
             for family in self._families.every
         )
-        return LastIterate(system.u.x.array.copy(), system.tools.travels, cones)
+        return SavedState(system.u.x.array.copy(), system.tools.travels, penalty, cones)
 
     def require_feasible(self) -> None:
         """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
@@ -217,7 +227,7 @@ class InteriorPoint:
         self._judge.friction_change, self._first = 0.0, None
         self._left = self._stiffest = math.inf
         self._crawled, self._gap = 0, 0.0
-        self._pieces, self.from_saved, self.is_elastic = None, False, False
+        self._pieces, self._is_from_saved, self.is_elastic = None, False, False
         try:
             is_found = start()
         except PETSc.Error as error:
@@ -293,14 +303,14 @@ class InteriorPoint:
 
     # 1. The start.
 
-    def _start(self, last: LastIterate | None) -> bool:
+    def _start(self, last: SavedState | None) -> bool:
         """Start around the elastic displacement; True if the pieces of the laws solve before."""
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
         pieces = self._pieces_of_laws(last is not None)
         if pieces is not None and last is not None and pieces.knows(last):
-            self.from_saved = self._take(pieces, pieces.from_last(last))
-            if self.from_saved:
+            self._is_from_saved = self._take(pieces, pieces.from_last(last))
+            if self._is_from_saved:
                 return True
         if last is not None:
             pieces = None
@@ -334,7 +344,7 @@ class InteriorPoint:
         self._search = Search(self._iterate, self._moving, tuning, settings, foresees)
         return False
 
-    def _start_near(self, last: LastIterate) -> bool:
+    def _start_near(self, last: SavedState) -> bool:
         """Newton's method on the pieces of the laws; raises NotConverged unless it arrives."""
         if self._tangent.direct is not None:
             pieces = self._all_pieces()

@@ -30,7 +30,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.task import LastIterate, Outcome, Task
+from contact_locking.solver.task import Outcome, SavedState, Task
 
 # No bound is a smaller share of the largest, so that the friction cones have an inside.
 _LEAST = 1e-12
@@ -107,7 +107,7 @@ class BoundMap:
     collective.
     """
 
-    def __init__(self, task: Task, last: LastIterate | None = None) -> None:
+    def __init__(self, task: Task, last: SavedState | None = None) -> None:
         self._task, self.vectors = task, BoundVectors(task.system)
         self._solver = InteriorPoint(task, bound_moves=False)
         self.found = Outcome(last=last)

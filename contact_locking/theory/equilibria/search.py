@@ -22,7 +22,7 @@ from contact_locking.errors import InputError, NotConverged
 from contact_locking.parallel import maximum, minimum
 from contact_locking.results.contact_points import OPEN
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.task import Counts, Outcome, SolverReport, Task, stage_of
+from contact_locking.solver.task import Counts, Outcome, Task, stage_of
 from contact_locking.theory.equilibria.bound_map import (
     BoundMap,
     Branch,
@@ -210,7 +210,7 @@ def require_map(task: Task, key: str = "equilibria") -> None:
         )
 
 
-def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[tuple[SolverReport, int]]:
+def equilibria(task: Task, first: Outcome, most: int) -> Iterator[tuple[Outcome, int]]:
     """The solution in the system, and others, so many at most, each in the system in its turn.
 
     Each comes as its report and its index (:meth:`Equilibria.index`).  ``first`` is the report of
@@ -233,7 +233,7 @@ def equilibria(task: Task, first: SolverReport, most: int) -> Iterator[tuple[Sol
             with task.system.preserved():
                 index = search.index()
             stages = [stage_of(task.target.penalty, own.tangents)]
-            yield SolverReport.solved(found, own, stages=stages), index
+            yield found.counted(own, stages), index
     finally:
         search.destroy()
 
