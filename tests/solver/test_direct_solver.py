@@ -19,7 +19,7 @@ from problems import SMALL_BLOCK
 
 from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
-from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.parts import NamedFacets
 from contact_locking.solver.linear.factorised import chosen, estimated_memory
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 
