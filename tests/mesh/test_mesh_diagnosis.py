@@ -23,7 +23,7 @@ from small_meshes import (
     study,
 )
 
-from contact_locking import check, solve
+from contact_locking import check
 from contact_locking.errors import InputError
 from contact_locking.mesh.parts import Group, groups
 from contact_locking.mesh.sources import from_file, from_geometry
@@ -109,17 +109,6 @@ def test_a_part_that_nothing_holds_is_named_with_its_place(
     message = str(caught.value)
     assert "part 2 of the body (island, from (3, 0) to (4, 1)) is loose" in message
     assert caught.value.key == "loads.displacements"
-
-
-def test_parts_that_are_held_one_by_one_are_solved(comm: MPI.Intracomm, tmp_path: Path) -> None:
-    path = shared(comm, tmp_path, SQUARE + FAR, LOOSE)
-    held = [{"on": "left", "value": [0, -0.01]}, {"on": "coast", "value": [0, 0]}]
-    facts = check(study(path, loads={"displacements": held}), comm)
-    assert facts["held by"] == {
-        "part 1 of the body (body, from (0, 0) to (1, 1))": "displacements on left",
-        "part 2 of the body (island, from (3, 0) to (4, 1))": "displacements on coast",
-    }
-    assert solve(study(path, loads={"displacements": held}), comm).converged
 
 
 @pytest.mark.serial

@@ -157,16 +157,6 @@ def test_a_file_without_its_data_is_refused(tmp_path: Path) -> None:
         from_file(path, MPI.COMM_SELF)
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize("name", ["a/b", "mesh", "a'b"])
-def test_a_group_that_xdmf_cannot_name_is_not_written(name: str, tmp_path: Path) -> None:
-    made = from_geometry(block(2, 0.5).mesh.geometry, MPI.COMM_SELF)
-    made.facet_names[name] = made.facet_names.pop("top")
-    with pytest.raises(InputError, match="cannot be written to an XDMF file"):
-        export(made, tmp_path / "block.xdmf")
-    assert not list(tmp_path.iterdir())
-
-
 def test_shares_of_the_parts_add_up(folder: Path, comm: MPI.Intracomm) -> None:
     """A row of squares that touch nothing, in an order that mixes them on the ranks."""
     points = [(2.0 * i + x, y) for i in range(5) for x, y in SQUARE]
