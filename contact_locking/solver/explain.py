@@ -16,10 +16,10 @@ import numpy as np
 from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.parallel import maximum
-from contact_locking.problem.system import SystemState
+from contact_locking.problem.system import System, SystemState
 from contact_locking.solver.interior_point.farkas import GAP_ROUNDING
 from contact_locking.solver.interior_point.method import InteriorPoint
-from contact_locking.solver.task import Counts, Outcome, Target, Task
+from contact_locking.solver.task import Counts, Outcome, SavedState, Target, Task
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 BOUND_WAY_OUT = (
@@ -55,14 +55,19 @@ class Reasons:
         return self._task.is_unbalanced()
 
     @functools.cached_property
+    def _without_friction(self) -> tuple[Verdict | None, float | None]:
+        return _judged(self._task)
+
+    @property
     def verdict(self) -> Verdict | None:
         """That nothing is admissible, None without a proof; collective."""
-        return judge(self._task)
+        return self._without_friction[0]
 
     @functools.cached_property
     def growth(self) -> Growth | None:
         """That forces grow with the penalty, None if they do not; collective."""
-        return find_growth(self._task)
+        is_strict = self._task.target.penalty.is_strict
+        return find_growth(self._task, self._without_friction[1] if is_strict else None)
 
     def leave_hope(self, failed: Outcome) -> bool:
         """Whether there may be a solution after a failure; collective."""
@@ -157,6 +162,11 @@ def judge(task: Task) -> Verdict | None:
     Friction and penalties have no say in it, so the problem is solved without them, unless
     friction alone holds the body.  The system is left as it is; what it took is counted.
     """
+    return _judged(task)[0]
+
+
+def _judged(task: Task) -> tuple[Verdict | None, float | None]:
+    """The verdict, and the contact force of the problem without friction if it was solved."""
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
     # Whether u = 0 is within the limit and the gaps and has the prescribed values.
@@ -164,7 +174,7 @@ def judge(task: Task) -> Verdict | None:
     overlaps = any(bool(np.any(contact.gaps < -rounding)) for contact in system.contacts)
     rests = not system.comm.allreduce(bool(prescribed.any()) or overlaps)
     if system.held_by_friction or rests:
-        return None
+        return None, None
     with task.system.preserved():
         tries = Counts()
         limit = dataclasses.replace(task.target, penalty=task.target.penalty.inequality())
@@ -173,10 +183,13 @@ def judge(task: Task) -> Verdict | None:
             for target in (limit, _stiff(limit))
         )
 
+        force: float | None = None
+
         def fails(factor: float) -> Infeasible | None:
+            nonlocal force
             system.u.x.array[:] = factor * prescribed
             try:
-                exact.solve()
+                force = _force(system, exact.solve())
                 return None
             except Infeasible as failure:
                 return failure
@@ -194,12 +207,12 @@ def judge(task: Task) -> Verdict | None:
             system.remove_friction()
             failure = fails(1.0)
             if failure is None:
-                return None
+                return None, force
             scales = 0.0 < failure.factor < math.inf
             works = _largest(fails, failure.factor) if scales else None
-            return Verdict(str(failure), works)
+            return Verdict(str(failure), works), None
         except NotConverged:
-            return None
+            return None, None
         finally:
             task.counts.add(tries)
             exact.destroy()
@@ -278,10 +291,11 @@ class Growth:
         )
 
 
-def find_growth(task: Task) -> Growth | None:
+def find_growth(task: Task, without: float | None = None) -> Growth | None:
     """The two penalties, None where forces do not grow or there are no solutions; collective.
 
-    The system is left as it was, and what it took is counted.
+    ``without`` is the contact force without friction, if it is known.  The system is left as it
+    was, and what it took is counted.
     """
     system = task.system
     if task.target.penalty.epsilon > 0.0 or system.held_by_friction or not system.rubbing:
@@ -289,29 +303,38 @@ def find_growth(task: Task) -> Growth | None:
     task.monitor.message("solving with softer penalties, to see whether forces grow with them")
     states: dict[float, PenalisedState | None] = {}
     for *powers, least in _PENALTIES:
+        start: SavedState | None = None
         for power in powers:
             if power not in states:
-                states[power] = _penalised(task, _softened(task.target, power), power)
+                states[power] = _penalised(task, _softened(task.target, power), power, start)
+            # The pieces of the laws lead on from a softer penalty in few tangents.
+            softer = states[power]
+            start = softer.outcome.last if softer is not None else None
         softer, stiffer = (states[power] for power in powers)
         if softer is not None and stiffer is not None:
-            return _growth_between(task, softer, stiffer, least)
+            return _growth_between(task, softer, stiffer, least, without)
     return None
 
 
 def _growth_between(
-    task: Task, softer: PenalisedState, stiffer: PenalisedState, least: float
+    task: Task,
+    softer: PenalisedState,
+    stiffer: PenalisedState,
+    least: float,
+    without: float | None,
 ) -> Growth | None:
     """The growth by at least a power of the penalty, None without it; collective."""
     ratio = 10.0 ** (least * (stiffer.power - softer.power))
     if not stiffer.force > ratio * softer.force > 0.0:
         return None
-    without = _penalised(task, task.target, math.inf, share=_LITTLE)
-    is_large = without is not None and stiffer.force > _LARGE * without.force
-    return Growth(softer, stiffer) if is_large else None
+    if without is None:
+        state = _penalised(task, task.target, math.inf, share=_LITTLE)
+        without = math.inf if state is None else state.force
+    return Growth(softer, stiffer) if stiffer.force > _LARGE * without else None
 
 
 def _penalised(
-    task: Task, target: Target, power: float, share: float = 1.0
+    task: Task, target: Target, power: float, start: SavedState | None = None, share: float = 1.0
 ) -> PenalisedState | None:
     """The solution for a target and a share of friction, None without one; collective."""
     system, counts = task.system, Counts()
@@ -319,16 +342,21 @@ def _penalised(
     try:
         with system.preserved():
             system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
-            outcome = solver.solve()
-            assert outcome.multipliers is not None
-            pairs = zip(system.contacts, outcome.multipliers.contacts, strict=True)
-            force = sum(float(c.surface.integral(forces.pressure)) for c, forces in pairs)
+            outcome = solver.solve(start)
+            force = _force(system, outcome)
             return PenalisedState(power, target.penalty, outcome, force, system.state())
     except NotConverged:
         return None
     finally:
         solver.destroy()
         task.counts.add(counts)
+
+
+def _force(system: System, outcome: Outcome) -> float:
+    """The sum of the pressures of a solution; collective."""
+    assert outcome.multipliers is not None
+    pairs = zip(system.contacts, outcome.multipliers.contacts, strict=True)
+    return sum(float(contact.surface.integral(forces.pressure)) for contact, forces in pairs)
 
 
 def _softened(target: Target, power: float) -> Target:
