@@ -29,7 +29,7 @@ back-substitutions more than one with known bounds.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -79,21 +79,14 @@ class InteriorPoint:
         self._first: tuple[float, float] | None = None
         self._is_from_saved = False
 
-    def solve(self, last: SavedState | None = None) -> Outcome:
+    def solve(self, last: SavedState | None = None, by_pieces_alone: bool = False) -> Outcome:
         """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
 
         ``last`` is a solution that may be near, such as that of the step before.
         """
-        return self._solve(lambda: self._start(last))
-
-    def solve_near(self, last: SavedState) -> Outcome:
-        """As :meth:`solve`, by the pieces of the laws alone, from a state near a solution."""
-        return self._solve(lambda: self._start_near(last))
-
-    def _solve(self, start: Callable[[], bool]) -> Outcome:
         # A NaN is found where steps and residuals are judged.
         with np.errstate(all="ignore"):
-            return self._solved(self._iterate_to_the_end(start))
+            return self._solved(self._iterate_to_the_end(last, by_pieces_alone))
 
     def _solved(self, gap: float) -> Outcome:
         return Outcome.solved(
@@ -221,7 +214,7 @@ class InteriorPoint:
         self._tangent.destroy()
         self._families.destroy()
 
-    def _iterate_to_the_end(self, start: Callable[[], bool]) -> float:
+    def _iterate_to_the_end(self, last: SavedState | None, by_pieces_alone: bool) -> float:
         """Iterate to the tolerances; the duality gap."""
         task, settings = self._task, self._task.settings
         self._judge.friction_change, self._first = 0.0, None
@@ -229,7 +222,7 @@ class InteriorPoint:
         self._crawled, self._gap = 0, 0.0
         self._pieces, self._is_from_saved, self.is_elastic = None, False, False
         try:
-            is_found = start()
+            is_found = self._start(last, by_pieces_alone)
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotConverged(LINEAR_FAILURE) from error
@@ -303,15 +296,17 @@ class InteriorPoint:
 
     # 1. The start.
 
-    def _start(self, last: SavedState | None) -> bool:
+    def _start(self, last: SavedState | None, by_pieces_alone: bool) -> bool:
         """Start around the elastic displacement; True if the pieces of the laws solve before."""
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
-        pieces = self._pieces_of_laws(last is not None)
+        pieces = self._pieces_of_laws(last is not None, by_pieces_alone)
         if pieces is not None and last is not None and pieces.knows(last):
             self._is_from_saved = self._take(pieces, pieces.from_last(last))
             if self._is_from_saved:
                 return True
+        if by_pieces_alone:
+            raise NotConverged("the pieces of the laws are too far away")
         if last is not None:
             pieces = None
         elastic = ElasticStart(task, tangent, tuning)
@@ -344,15 +339,7 @@ class InteriorPoint:
         self._search = Search(self._iterate, self._moving, tuning, settings, foresees)
         return False
 
-    def _start_near(self, last: SavedState) -> bool:
-        """Newton's method on the pieces of the laws; raises NotConverged unless it arrives."""
-        if self._tangent.direct is not None:
-            pieces = self._all_pieces()
-            if self._take(pieces, pieces.from_last(last)):
-                return True
-        raise NotConverged("the pieces of the laws are too far away")
-
-    def _pieces_of_laws(self, goes_on: bool) -> ActiveSet | None:
+    def _pieces_of_laws(self, goes_on: bool, must: bool) -> ActiveSet | None:
         """The method that is tried before; None where it is no use.
 
         Where bounds follow the slip as well, it takes more tangents.  Bounds that do not move must
@@ -363,8 +350,8 @@ class InteriorPoint:
             suits = all(bound.follows_pressure for bound in bounds)
         else:
             suits = goes_on and not any([bound.is_zero() for bound in bounds])
-        is_first = self._approach == CLOSE
-        if self._tangent.direct is None or not (self._families.every and suits and is_first):
+        suits = suits and bool(self._families.every) and self._approach == CLOSE
+        if self._tangent.direct is None or not (suits or must):
             return None
         return self._all_pieces()
 

@@ -71,7 +71,7 @@ def settled_from(task: Task, value: Outcome) -> Outcome:
     assert value.last is not None
     solver = InteriorPoint(task)
     try:
-        return solver.solve_near(value.last)
+        return solver.solve(value.last, by_pieces_alone=True)
     finally:
         solver.destroy()
 
