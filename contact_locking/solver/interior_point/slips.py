@@ -46,6 +46,7 @@ class Slips(LorentzCones):
     growth: FloatArray
     _follows: FloatArray
     _grows: FloatArray
+    _level: float
 
     @property
     def rows(self) -> slice:
@@ -69,11 +70,16 @@ class Slips(LorentzCones):
     def start(self, level: float, least: float) -> None:
         """Without a reaction, under a bound of 1 that :meth:`set_bound` replaces."""
         self._open(np.full(len(self.weights), max(least, self.regularisation)))
-        self.z = np.zeros_like(self.x)
+        self.z, self._level = np.zeros_like(self.x), level
         self.z[0] = 1.0
 
     def start_under(self, bound: FloatArray, pressure: FloatArray, least: float) -> None:
         """Start under a bound (k,), with products of at most ten times those of contact."""
+        if self.regularisation > least:
+            # The bound times a long regularisation would be a product that takes many steps.
+            self.z[0] = bound
+            self.settle(self._level)
+            return
         share = np.minimum(_MOST * pressure / bound, 1.0)
         self._open(np.maximum(share * least, self.regularisation))
         self.set_bound(bound)
