@@ -127,3 +127,17 @@ def test_options_that_have_an_effect_are_no_warning(comm: MPI.Intracomm) -> None
     solution = solve(parameters, comm)
     assert solution.converged
     assert not [text for text in solution.summary["warnings"] if "has not used" in text]
+
+
+def test_an_unknown_factorisation_is_a_solve_that_fails_and_no_crash(comm: MPI.Intracomm) -> None:
+    given = {"pc_factor_mat_solver_type": "nonsense"}
+    assert not solve(block(h=0.25), comm, petsc_options=given).converged
+
+
+def test_an_iterative_solver_takes_another_preconditioner(comm: MPI.Intracomm) -> None:
+    petsc = {"pc_type": "jacobi", "ksp_rtol": 1e-10}
+    energies = []
+    for linear, given in (("iterative", petsc), ("direct", {})):
+        parameters = block(h=0.25, penalty__n=1e2, solver__linear=linear, solver__petsc=given)
+        energies.append(solve(parameters, comm).summary["elastic_energy"])
+    assert energies[0] == pytest.approx(energies[1], rel=2e-7)
