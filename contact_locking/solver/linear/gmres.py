@@ -73,8 +73,8 @@ _LOOSEST = 1e-2
 _FAILED = 0.2
 # No linear residual gets smaller than this.
 _ROUNDING = 1e-12
-# So many iterations with one tangent, by dimension, may be taken instead of the factorisation of the
-# filter or the projection: some ten in 3D, two in 2D, for each of the six solves that it serves.
+# So many iterations with one tangent, by dimension, may be taken instead of the factorisation of
+# a filter or a projection: some ten in 3D, two in 2D, for each of the six solves that it serves.
 _PATIENCE = {2: 16, 3: 60}
 
 
