@@ -127,3 +127,8 @@ def test_another_linear_solver_is_an_entry_of_the_table(monkeypatch: pytest.Monk
 def test_a_linear_solver_without_an_entry_is_refused_with_those_there_are() -> None:
     with pytest.raises(InputError, match="there are: auto, direct, iterative"):
         default_options("dirct", 2, 100, MPI.COMM_SELF)
+
+
+def test_users_may_factorise_instead() -> None:
+    mumps = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+    agree(solved(1e4, "iterative", ksp_type="preonly", **mumps), solved(1e4, "direct"))
