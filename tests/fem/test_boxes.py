@@ -17,7 +17,8 @@ from small_meshes import EDGES, SQUARE, Points
 from contact_locking import StudySolution, check, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.parts import groups
-from contact_locking.mesh.xdmf import export, from_xdmf
+from contact_locking.mesh.sources import from_file
+from contact_locking.mesh.xdmf import export
 from contact_locking.study.assembly import mesh_of
 
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])
@@ -155,7 +156,7 @@ def test_an_xdmf_file_has_the_same_boxes(dim: int, folder: Path, comm: MPI.Intra
     given = rubbed(mesh(folder, dim), dim)
     domain = mesh_of(given, comm)
     export(domain, folder / "boxes.xdmf")
-    again = from_xdmf(folder / "boxes.xdmf", comm)
+    again = from_file(folder / "boxes.xdmf", comm)
     assert again.kind is domain.kind and again.num_cells == domain.num_cells
     for one, other in zip(groups(again), groups(domain), strict=True):
         assert one.name == other.name and one.count == other.count

@@ -24,9 +24,7 @@ from small_meshes import (
 )
 
 from contact_locking import check
-from contact_locking.command import cli
 from contact_locking.errors import InputError
-from contact_locking.mesh import gmsh
 from contact_locking.mesh.parts import Group, groups
 from contact_locking.mesh.sources import from_file, from_geometry
 from contact_locking.meshes import BUILDERS, write
@@ -161,45 +159,3 @@ def test_a_file_without_its_end_is_refused(version: str, cut: float, tmp_path: P
     with pytest.raises(InputError, match=r"body\.msh") as caught:
         from_file(path, MPI.COMM_SELF)
     assert caught.value.key == "mesh.file"
-
-
-#: A reader that asks for more memory than the machine has.
-GREEDY = """
-import os, resource
-from contact_locking.mesh.gmsh import limit_process
-
-limit_process()
-memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-assert resource.getrlimit(resource.RLIMIT_AS)[0] <= memory
-assert resource.getrlimit(resource.RLIMIT_CPU)[0] <= 3600
-bytearray(memory + 1)
-"""
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("program", "expected"),
-    [
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", r"it crashed \(SIGSEGV\)"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "for want of memory"),
-        ("raise SystemExit(134)", "ended with exit code 134"),
-        ("import nowhere", "No module named 'nowhere'"),
-        (GREEDY, "MemoryError"),
-    ],
-)
-def test_a_crash_of_gmsh_is_told(
-    program: str,
-    expected: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    path = write_msh(tmp_path / "body.msh", SQUARE, BODY)
-    (tmp_path / "crashes.py").write_text(program)
-    monkeypatch.setattr(gmsh, "_PROGRAM", "crashes")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(InputError, match=rf"Gmsh cannot read .*body\.msh: .*{expected}"):
-        gmsh.read(path)
-    (tmp_path / "study.yml").write_text("mesh: {file: body.msh}\n")
-    assert cli.main(["check", str(tmp_path / "study.yml")]) == 2
-    assert str(path) in capsys.readouterr().err

@@ -14,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.parts import NamedFacets
 from contact_locking.solver.linear.factorised import estimated_memory
 from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
 
