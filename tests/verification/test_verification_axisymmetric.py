@@ -13,7 +13,7 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import solved, with_changes
 from slow import slow
-from verification_table import Row
+from verification_table import Rows
 
 from contact_locking.fem.compiled import integral
 from contact_locking.laws.elasticity import lame_from_young
@@ -96,7 +96,7 @@ def test_v25_a_cylinder_under_pressure_has_the_radial_and_the_hoop_strain_of_its
     locking: dict[str, Any],
     n: float,
     cells: str,
-    found: list[Row],
+    found: Rows,
 ) -> None:
     given = {"material__locking": [locking], "penalty__n": n}
     solution = cylinder(mesh__cells=cells, **given)
@@ -108,10 +108,10 @@ def test_v25_a_cylinder_under_pressure_has_the_radial_and_the_hoop_strain_of_its
     where += ", quadrilaterals" if cells == "box" else ""
     outside = x[:, 0] > 1.0 - 1e-9
     width, height = float(nodal[outside, 0].max()), float(nodal[:, 1].min())
-    found.append(Row("V25", where, "radial strain", width, radial))
+    found.add("V25", where, "radial strain", width, radial)
     # The penalty of contact lets the cylinder sink in.
     sunk = 0.0 if math.isinf(n) else PRESSURE / n
-    found.append(Row("V25", where, "axial strain", height + sunk, axial))
+    found.add("V25", where, "axial strain", height + sunk, axial)
     assert nodal[:, 0] == pytest.approx(radial * x[:, 0], abs=1e-7)
     assert nodal[:, 1] + sunk == pytest.approx(axial * x[:, 1], abs=1e-7)
     assert summary["strain_norm_max"] == pytest.approx(norm((axial, radial)), rel=1e-6)
@@ -130,7 +130,7 @@ def test_v25_a_cylinder_under_pressure_has_the_radial_and_the_hoop_strain_of_its
         assert summary["elastic_energy"] == pytest.approx(math.pi * elastic, rel=1e-5)
 
 
-def test_v25_a_cylinder_in_a_rigid_tube_touches_it_all_around(found: list[Row]) -> None:
+def test_v25_a_cylinder_in_a_rigid_tube_touches_it_all_around(found: Rows) -> None:
     """``e_r = gap``; the axial strain follows from the pressure, the thrust from both."""
     gap = 0.005
     tube = {"on": "right", "foundation": {"half_space": {"point": [1.0 + gap, 0.0],
@@ -140,7 +140,7 @@ def test_v25_a_cylinder_in_a_rigid_tube_touches_it_all_around(found: list[Row]) 
     axial = -(PRESSURE + 2.0 * LAME_LAMBDA * gap) / modulus
     thrust = -LAME_LAMBDA * (axial + 2.0 * gap) - 2.0 * LAME_MU * gap
     force = solution.summary["contacts"][1]["contact_force"]
-    found.append(Row("V25", "cylinder in a tube", "radial force", -force[0], 2 * math.pi * thrust))
+    found.add("V25", "cylinder in a tube", "radial force", -force[0], 2 * math.pi * thrust)
     assert force == pytest.approx([-2.0 * math.pi * thrust, 0.0], rel=1e-6, abs=1e-8)
 
 
@@ -192,7 +192,7 @@ def test_v25_a_hollow_sphere_under_pressure_has_lames_displacement(
     cells: str,
     rates: tuple[float, float],
     accuracy: tuple[float, float],
-    found: list[Row],
+    found: Rows,
 ) -> None:
     sizes = (0.4, 0.2, 0.1)
     results = [ring(h, degree, cells) for h in sizes]
@@ -200,17 +200,18 @@ def test_v25_a_hollow_sphere_under_pressure_has_lames_displacement(
         errors = [result[0][index] for result in results]
         rate = fitted_rate(sizes, errors)
         where = f"hollow sphere under pressure, {'Q' if cells == 'box' else 'P'}{degree}"
-        found.append(Row("V25", where, f"rate of the {name}", rate, rates[index]))
-        found.append(Row("V25", where, f"error of the {name}, h = 0.1", errors[-1], None))
+        found.add("V25", where, f"rate of the {name}", rate, rates[index])
+        found.add(
+            "V25", where, f"error of the {name}, h = 0.1", errors[-1], None, abs=accuracy[index]
+        )
         assert rate > rates[index] - 0.15
-        assert errors[-1] < accuracy[index]
     certificate = results[-1][1].summary["certificate"]
     assert certificate["criteria"]["force_balance"]["holds"]
     # Radial forces balance by symmetry, and there are no moments.
     assert "moment_balance" not in certificate["criteria"]
 
 
-def test_v25_a_tube_under_inner_pressure_has_lames_displacement(found: list[Row]) -> None:
+def test_v25_a_tube_under_inner_pressure_has_lames_displacement(found: Rows) -> None:
     """``u_r = p (1 + nu)/E r_1^2/(r_2^2 - r_1^2) ((1 - 2 nu) r + r_2^2/r)`` for u_z = 0."""
     inner, outer, pressure = 1.0, 2.0, 0.1
     data: dict[str, Any] = {
@@ -232,8 +233,11 @@ def test_v25_a_tube_under_inner_pressure_has_lames_displacement(found: list[Row]
     factor = pressure * (1 + POISSON) / YOUNG * inner**2 / (outer**2 - inner**2)
     exact = factor * ((1 - 2 * POISSON) * radius + outer**2 / radius)
     largest = factor * ((1 - 2 * POISSON) * inner + outer**2 / inner)
-    found.append(
-        Row("V25", "tube under inner pressure", "displacement inside",
-            float(u.x.array.reshape(-1, 2)[:, 0].max()), largest)
-    )  # fmt: skip
+    found.add(
+        "V25",
+        "tube under inner pressure",
+        "displacement inside",
+        float(u.x.array.reshape(-1, 2)[:, 0].max()),
+        largest,
+    )
     assert u.x.array.reshape(-1, 2)[:, 0] == pytest.approx(exact, rel=5e-3)

@@ -21,14 +21,14 @@ from test_verification_hertz import (
     YOUNG,
     section,
 )
-from verification_table import Row
+from verification_table import Rows
 
 from contact_locking.running import solving
 
 pytestmark = pytest.mark.serial
 
 
-def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found: list[Row]) -> None:
+def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found: Rows) -> None:
     def pushed(lift: float, **driven: Any) -> Mapping[str, Any]:
         data: dict[str, Any] = {
             "mesh": {"builder": "block", "size": [1.0, 0.8], "h": 0.1, "axisymmetric": True},
@@ -46,14 +46,11 @@ def test_v25_the_force_of_a_ball_at_a_depth_pushes_the_ball_to_that_depth(found:
     force = pushed(depth)["contact_force"][1]
     reached = pushed(0.0, force=[0.0, force])
     travel = reached["contacts"][0]["tool"]["travel"]
-    found.append(Row("V25", "ball in a locking layer, by its force", "depth", travel, depth))
-    assert travel == pytest.approx(depth, rel=1e-5)
+    found.add("V25", "ball in a locking layer, by its force", "depth", travel, depth, rel=1e-5)
     assert reached["contact_force"][1] == pytest.approx(force, rel=1e-8)
 
 
-def test_v25_an_indented_cylinder_is_near_to_hertz_in_a_second(
-    tmp_path: Path, found: list[Row]
-) -> None:
+def test_v25_an_indented_cylinder_is_near_to_hertz_in_a_second(tmp_path: Path, found: Rows) -> None:
     """``a^3 = 3 F R/(4 E*)``: the data of V4, on a block of 80 half-widths."""
     file = tmp_path / "half_section.msh"
     section(file, 8.0, 1.0, 0.005, dim=2)
@@ -77,22 +74,18 @@ def test_v25_an_indented_cylinder_is_near_to_hertz_in_a_second(
     half_width = math.sqrt(-top / slope)
     peak = float(solution.contact_points.pressure.max())
     where = "indented cylinder of radius 8, axisymmetric"
-    found += [
-        Row("V25", where, "force", force, FORCE),
-        Row("V25", where, "half-width", half_width, HALF_WIDTH),
-        Row("V25", where, "peak pressure", peak, PEAK),
-        Row("V25", where, "a^3 over 3FR/(4E*)", half_width**3 / (0.75 * force * RADIUS / MODULUS),
-            1.0),
-    ]  # fmt: skip
-    assert force == pytest.approx(FORCE, rel=0.02)
-    assert half_width == pytest.approx(HALF_WIDTH, rel=0.01)
+    found.add("V25", where, "force", force, FORCE, rel=0.02)
+    found.add("V25", where, "half-width", half_width, HALF_WIDTH, rel=0.01)
+    found.add("V25", where, "peak pressure", peak, PEAK, rel=0.02)
+    found.add(
+        "V25", where, "a^3 over 3FR/(4E*)", half_width**3 / (0.75 * force * RADIUS / MODULUS), 1.0
+    )
     assert half_width**3 == pytest.approx(0.75 * force * RADIUS / MODULUS, rel=0.02)
     assert by_area == pytest.approx(HALF_WIDTH, rel=0.03)
-    assert peak == pytest.approx(PEAK, rel=0.02)
 
 
 @pytest.mark.slow
-def test_v25_a_locking_ball_in_space_has_the_forces_of_its_half_section(found: list[Row]) -> None:
+def test_v25_a_locking_ball_in_space_has_the_forces_of_its_half_section(found: Rows) -> None:
     def pressed(mesh: dict[str, Any], held: list[dict[str, Any]]) -> Mapping[str, Any]:
         dim = 2 if "axisymmetric" in mesh else 3
         up = [0.0] * (dim - 1)
@@ -124,5 +117,4 @@ def test_v25_a_locking_ball_in_space_has_the_forces_of_its_half_section(found: l
         "friction": (quarter["friction_force"][0], section["friction_force"][0] / (2.0 * math.pi)),
     }
     for name, (space, flat) in pairs.items():
-        found.append(Row("V25", "pressed ball, 3D beside axisymmetric", name, space, flat))
-        assert space == pytest.approx(flat, rel=0.05)
+        found.add("V25", "pressed ball, 3D beside axisymmetric", name, space, flat, rel=0.05)

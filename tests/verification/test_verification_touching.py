@@ -13,7 +13,7 @@ from mpi4py import MPI
 from problems import solved, with_changes
 from small_meshes import Groups, Points, grid, shared
 from two_bodies import POISSON, YOUNG, stack, two_discs
-from verification_table import Row
+from verification_table import Rows
 
 import contact_locking as cl
 from contact_locking import assemble, solve_steps
@@ -25,7 +25,7 @@ pytestmark = pytest.mark.serial
 pytest.importorskip("gmsh")
 
 
-def test_v45_partial_slip_between_equal_discs(found: list[Row]) -> None:
+def test_v45_partial_slip_between_equal_discs(found: Rows) -> None:
     """The stick zone has half-width ``c = a sqrt(1 - Q/(mu P))``, as on a plane (Johnson, 7.2).
 
     Equal discs do not slip as they are pressed, and so friction acts from the beginning.
@@ -64,7 +64,7 @@ def test_v45_partial_slip_between_equal_discs(found: list[Row]) -> None:
         stick = 0.5 * (solution.summary["contact_area"] - solution.summary["slip_area"])
         c = a * math.sqrt(1.0 - share)
         told = f"Cattaneo-Mindlin, equal discs, Q = {share:.2f} mu P"
-        found.append(Row("V45", told, "stick half-width over a", stick / a, c / a))
+        found.add("V45", told, "stick half-width over a", stick / a, c / a)
         assert 0.15 < share < 0.9
         assert stick == pytest.approx(c, abs=fine)
     problem.close()
@@ -106,9 +106,7 @@ def cracked(comm: MPI.Intracomm, folder: Path, half: float, far: float, fine: fl
     return shared(comm, folder, points, groups)
 
 
-def test_v46_a_closed_crack_slips_as_far_as_friction_lets_it(
-    tmp_path: Path, found: list[Row]
-) -> None:
+def test_v46_a_closed_crack_slips_as_far_as_friction_lets_it(tmp_path: Path, found: Rows) -> None:
     """A crack in an infinite body under the pressure p and the shear tau, with a varying mu.
 
     With ``mu = m + k x^2`` the shear that drives slip is ``K (c^2/2 - x^2)``, ``K = k p`` and
@@ -146,19 +144,14 @@ def test_v46_a_closed_crack_slips_as_far_as_friction_lets_it(
     summary = solution.summary
     spent = summary["steps"]["dissipated"]
     told = "a closed crack under pressure and shear"
-    found += [
-        Row("V46", told, "slip zone", summary["slip_area"], zone),
-        Row("V46", told, "largest slip", summary["slip_max"], slip),
-        Row("V46", told, "dissipated energy", spent, lost),
-    ]
-    assert summary["slip_area"] == pytest.approx(zone, abs=2.0 * fine)
-    assert summary["slip_max"] == pytest.approx(slip, rel=0.03)
-    assert spent == pytest.approx(lost, rel=0.03)
+    found.add("V46", told, "slip zone", summary["slip_area"], zone, abs=2.0 * fine)
+    found.add("V46", told, "largest slip", summary["slip_max"], slip, rel=0.03)
+    found.add("V46", told, "dissipated energy", spent, lost, rel=0.03)
 
 
 @pytest.mark.parametrize("n", [1e3, math.inf])
 def test_v47_a_column_of_locking_blocks_is_shortened_layer_by_layer(
-    n: float, tmp_path: Path, found: list[Row]
+    n: float, tmp_path: Path, found: Rows
 ) -> None:
     """Three layers in uniaxial strain, of which the pressure locks the softest one."""
     pressure, divisions = 0.02, (3, 5, 4)
@@ -211,8 +204,7 @@ def test_v47_a_column_of_locking_blocks_is_shortened_layer_by_layer(
     exact += 0.0 if n == math.inf else 2.0 * pressure * solution.summary["penalty"]["epsilon"]
     sunk = solution.summary["compliance"] / pressure
     told = f"a column of three locking layers, n = {n:g}"
-    found.append(Row("V47", told, "shortening", sunk, exact))
-    assert sunk == pytest.approx(exact, rel=1e-7)
+    found.add("V47", told, "shortening", sunk, exact, rel=1e-7)
     assert solution.summary["pressure_max"] == pytest.approx(pressure, rel=1e-7)
 
 
@@ -228,7 +220,7 @@ def pushed(count: int) -> Parameters:
     return stack(2, 0.25, friction__coefficient=0.3, loads=loads, steps=steps)
 
 
-def test_v48_work_on_two_bodies_is_stored_or_dissipated(found: list[Row]) -> None:
+def test_v48_work_on_two_bodies_is_stored_or_dissipated(found: Rows) -> None:
     lost = []
     for count in (12, 48):
         *_, last = solve_steps(pushed(count))
@@ -240,10 +232,9 @@ def test_v48_work_on_two_bodies_is_stored_or_dissipated(found: list[Row]) -> Non
         lost.append(steps["numerical"] / steps["work"])
     told = "two blocks, pushed there and back"
     rate = math.log(lost[0] / lost[1]) / math.log(4.0)
-    found.append(Row("V48", told, "rate of the numerical loss in the step", rate, 1.0))
-    found.append(Row("V48", told, "numerical loss over work, 48 steps", lost[1], None))
+    found.add("V48", told, "rate of the numerical loss in the step", rate, 1.0, abs=0.2)
+    found.add("V48", told, "numerical loss over work, 48 steps", lost[1], None)
     assert lost[1] > 0.0
-    assert rate == pytest.approx(1.0, abs=0.2)
 
 
 @pytest.mark.parametrize(
@@ -251,7 +242,7 @@ def test_v48_work_on_two_bodies_is_stored_or_dissipated(found: list[Row]) -> Non
     [(1, 2, "simplex"), (1, 3, "simplex"), (1, 3, "box"), (2, 2, "simplex"), (2, 3, "simplex")],
 )
 def test_v49_forces_and_moments_of_both_sides_cancel(
-    dim: int, cells: str, degree: int, found: list[Row]
+    dim: int, cells: str, degree: int, found: Rows
 ) -> None:
     """On a flat, tilted interface, of which side 2 covers a part of the facets at the rim."""
     problem = assemble(
@@ -284,6 +275,6 @@ def test_v49_forces_and_moments_of_both_sides_cancel(
     size = comm.allreduce(np.abs(forces).sum())
     of_boxes = ", hexahedra" if cells == "box" else ""
     told = f"both sides of a tilted interface, {dim}D{of_boxes}, degree {degree}"
-    found.append(Row("V49", told, "sum of the forces", force / size, None))
-    found.append(Row("V49", told, "sum of the moments", moment / size, None))
+    found.add("V49", told, "sum of the forces", force / size, None)
+    found.add("V49", told, "sum of the moments", moment / size, None)
     assert force <= 1e-13 * size and moment <= 1e-13 * size
