@@ -17,8 +17,7 @@ from test_verification import PEAK as LINE_PEAK
 from test_verification import Foot, K, pressed_cylinder
 from test_verification_annulus import annulus, errors
 from test_verification_hertz import FORCE, HALF_WIDTH, PEAK, indented
-from test_verification_manufactured import problem_of
-from test_verification_penalty import SIGNORINI
+from test_verification_manufactured import SIGNORINI, problem_of
 from verification_table import Rows
 
 from contact_locking.fem.spaces import P1, P2, Element
