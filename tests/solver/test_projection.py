@@ -104,3 +104,8 @@ def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     else:
         assert 2 <= len(filterings) < tangents - 4
     agree(by_cg, solved(1e4, "direct"))
+
+
+def test_users_may_factorise_instead() -> None:
+    mumps = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+    agree(solved(1e4, "iterative", ksp_type="preonly", **mumps), solved(1e4, "direct"))
