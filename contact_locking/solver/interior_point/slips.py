@@ -14,7 +14,7 @@ from contact_locking.solver.interior_point.cones import (
     Step,
     count,
 )
-from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse, norm
+from contact_locking.solver.interior_point.lorentz import Scaling, dot, norm
 
 # The products at the start are at most this multiple of those of contact: a coefficient of a
 # million would put them a million times apart.
@@ -22,6 +22,8 @@ _MOST = 10.0
 # The rounding of a product of three or four entries, as a share of its largest summand.  A larger
 # share leaves a gap that the criteria refuse where a slip is long beside the strain.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
+# Products of a smaller share of their summands start too near the boundary of a cone.
+_INSIDE = 100.0 * _ROUNDING
 # Nodes whose friction was at least this share of its bound go on to slide in the next step.
 _SLIDES_ON = 1.0 - 1e-4
 # Newton's steps for the slip of one point, and the share of it that is rounding.
@@ -78,7 +80,8 @@ class Slips(LorentzCones):
         if self.regularisation > least:
             # The bound times a long regularisation would be a product that takes many steps.
             self.z[0] = bound
-            self.settle(self._level)
+            inside = _INSIDE * bound * self.regularisation / self.scale
+            self.settle(np.maximum(self._level, inside))
             return
         share = np.minimum(_MOST * pressure / bound, 1.0)
         self._open(np.maximum(share * least, self.regularisation))
@@ -226,12 +229,12 @@ class Slips(LorentzCones):
         back[self.rows] += self.grown_adjoint(self.response_adjoint(seen))
         return self.tangential(back)
 
-    def settle(self, product: float) -> None:
-        product *= self.scale
+    def settle(self, product: float | FloatArray) -> None:
         rows = self._fixed_rows()
-        share = product / np.maximum(self.bound, np.finfo(float).tiny)
+        share = product * self.scale / np.maximum(self.bound, np.finfo(float).tiny)
         self.x = np.vstack([0.5 * (share + np.sqrt(share**2 + 4.0 * dot(rows, rows))), rows])
-        self.z = product * inverse(self.x)
+        self.z = -self.bound / self.x[0] * self.x
+        self.z[0] *= -1.0
 
 
 class SlipPieces(Pieces[Slips]):
