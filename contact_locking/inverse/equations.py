@@ -34,8 +34,8 @@ from contact_locking.solver.interior_point.contact_cones import (
     FrictionCones,
     OnContact,
 )
-from contact_locking.solver.interior_point.families import Families, families_of
 from contact_locking.solver.interior_point.family import Family
+from contact_locking.solver.interior_point.iterate import Families, families_of
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.lorentz import norm
 from contact_locking.solver.task import SavedState, Target

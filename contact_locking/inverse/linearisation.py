@@ -39,8 +39,8 @@ from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.cones import Step
 from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
-from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.iterate import families_of
 from contact_locking.solver.interior_point.lorentz import dot
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning

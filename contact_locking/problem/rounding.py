@@ -16,9 +16,9 @@ from contact_locking.parallel import maximum
 from contact_locking.problem import forms
 from contact_locking.supports.conditions import Constraints
 
-# The rounding of a sum of products is a few times this share of the summands.
 # A gap is closed if the normal displacement misses it by this share of it at most.
 _CLOSED = 0.5
+# The rounding of a sum of products is a few times this share of the summands.
 ROUNDING = 64.0 * float(np.finfo(float).eps)
 
 
@@ -85,15 +85,10 @@ class Rounding:
         self._magnitudes = JointForm(forms.force_magnitudes(u, ufl.TestFunction(space), data))
         self._work = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
 
-    @property
-    def anchored(self) -> FloatArray:
-        """The displacement without rigid motions that the data do not make."""
-        u = self._u.x.array
-        return u.copy() if self._loose is None else self._loose.anchored(u)
-
     def in_forces(self) -> float:
-        """The rounding in ``a(u, .)`` for :attr:`anchored` u."""
-        return self._in_forces_of(self.anchored)
+        """The rounding in ``a(u, .)`` of u without rigid motions that the data do not make."""
+        u = self._u.x.array
+        return self._in_forces_of(u if self._loose is None else self._loose.anchored(u))
 
     def raise_above(self, acting: float, tolerance: float) -> float:
         """``max(acting, rounding/tolerance)`` with :meth:`in_forces`.

@@ -302,35 +302,24 @@ def find_growth(task: Task, without: float | None = None) -> Growth | None:
         return None
     task.monitor.message("solving with softer penalties, to see whether forces grow with them")
     states: dict[float, PenalisedState | None] = {}
-    for *powers, least in _PENALTIES:
+    for soft, stiff, least in _PENALTIES:
         start: SavedState | None = None
-        for power in powers:
+        for power in (soft, stiff):
             if power not in states:
                 states[power] = _penalised(task, _softened(task.target, power), power, start)
             # The pieces of the laws lead on from a softer penalty in few tangents.
-            softer = states[power]
-            start = softer.outcome.last if softer is not None else None
-        softer, stiffer = (states[power] for power in powers)
-        if softer is not None and stiffer is not None:
-            return _growth_between(task, softer, stiffer, least, without)
+            state = states[power]
+            start = None if state is None else state.outcome.last
+        softer, stiffer = states[soft], states[stiff]
+        if softer is None or stiffer is None:
+            continue
+        if not stiffer.force > 10.0 ** (least * (stiff - soft)) * softer.force > 0.0:
+            return None
+        if without is None:
+            state = _penalised(task, task.target, math.inf, share=_LITTLE)
+            without = math.inf if state is None else state.force
+        return Growth(softer, stiffer) if stiffer.force > _LARGE * without else None
     return None
-
-
-def _growth_between(
-    task: Task,
-    softer: PenalisedState,
-    stiffer: PenalisedState,
-    least: float,
-    without: float | None,
-) -> Growth | None:
-    """The growth by at least a power of the penalty, None without it; collective."""
-    ratio = 10.0 ** (least * (stiffer.power - softer.power))
-    if not stiffer.force > ratio * softer.force > 0.0:
-        return None
-    if without is None:
-        state = _penalised(task, task.target, math.inf, share=_LITTLE)
-        without = math.inf if state is None else state.force
-    return Growth(softer, stiffer) if stiffer.force > _LARGE * without else None
 
 
 def _penalised(

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import NotConverged, raise_callback_error
+from contact_locking.errors import NotConverged
 from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
 from contact_locking.solver.interior_point.cones import Composite, Pair, Pieces
@@ -33,6 +32,7 @@ from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.slips import SlipPieces
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
+from contact_locking.solver.linear.ksp import linear_failures
 from contact_locking.solver.task import SavedState, Task
 
 # How many times stiffer than the body a step is where a law admits one displacement only.
@@ -210,11 +210,9 @@ class ActiveSet:
     def _solve_or_restore(self, is_linearised: bool) -> Iterate | None:
         system = self._task.system
         try:
-            with system.preserved(only_on_failure=True):
+            with linear_failures(), system.preserved(only_on_failure=True):
                 return self._solve(is_linearised)
-        except (NotConverged, PETSc.Error) as error:
-            if isinstance(error, PETSc.Error):
-                raise_callback_error(error)
+        except NotConverged:
             self._judge.friction_change = 0.0
             return None
 

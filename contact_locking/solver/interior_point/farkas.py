@@ -8,16 +8,16 @@ from collections.abc import Sequence
 import numpy as np
 import ufl
 from dolfinx import fem
-from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import NotConverged, raise_callback_error
+from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import FrictionCones, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.linear.ksp import linear_failures
 from contact_locking.solver.task import Target
 
 # Multipliers are balanced by a stress this many times stiffer than the material.
@@ -81,10 +81,8 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
         family.hold(stiffness)
     tangent.refresh()
     try:
-        rho = tangent.balance(reactions, _ACCURACY)
-    except PETSc.Error as error:
-        raise_callback_error(error)
-        return None
+        with linear_failures():
+            rho = tangent.balance(reactions, _ACCURACY)
     except NotConverged:
         return None
     reactions = [
@@ -128,7 +126,7 @@ def _work_beyond(system: System, displacement: FloatArray, unlimited: float) -> 
     c is the largest eigenvalue of A, and ``unlimited`` takes the place of an infinite M;
     collective.
     """
-    v, data = _function(system, displacement), system.data
+    v, data = system.function_of(displacement), system.data
     inverse = data.inverse_strain_bound
     limit = ufl.conditional(ufl.gt(inverse, 0.0), 1.0 / ufl.max_value(inverse, 1e-300), unlimited)
     strains = [data.strain(w) for w in (v, system.u)]
@@ -141,16 +139,6 @@ def _pull_of_springs(system: System, displacement: FloatArray) -> float:
     """The sum of the nodal forces of springs at a displacement (owned values); collective."""
     if not system.data.springs:
         return 0.0
-    v = _function(system, displacement)
-    owned = v.function_space.dofmap.index_map.size_local * v.function_space.dofmap.index_map_bs
+    v = system.function_of(displacement)
     forces = sum((item.forces(v) for item in system.data.springs), np.zeros_like(v.x.array))
-    return float(system.comm.allreduce(float(np.abs(forces[:owned]).sum())))
-
-
-def _function(system: System, displacement: FloatArray) -> fem.Function:
-    """A displacement (owned values, and travels behind them) as a function; collective."""
-    v = fem.Function(system.u.function_space)
-    body = displacement[: len(displacement) - len(system.tools)]
-    v.x.array[: len(body)] = body
-    v.x.scatter_forward()
-    return v
+    return float(system.comm.allreduce(float(np.abs(forces[: len(system.load)]).sum())))

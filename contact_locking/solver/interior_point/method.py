@@ -39,16 +39,15 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.solver.interior_point.active_set import ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw
-from contact_locking.solver.interior_point.families import families_of
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.farkas import excluded_factor
-from contact_locking.solver.interior_point.iterate import Iterate
+from contact_locking.solver.interior_point.iterate import Iterate, families_of
 from contact_locking.solver.interior_point.judge import Judge, Measures
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import CLOSE, Approach, Tuning
-from contact_locking.solver.linear.ksp import LINEAR_FAILURE
+from contact_locking.solver.linear.ksp import linear_failures
 from contact_locking.solver.task import Multipliers, Outcome, SavedState, Task
 
 
@@ -166,11 +165,8 @@ class InteriorPoint:
 
         Raises NotConverged where rounding makes that tangent singular.
         """
-        try:
+        with linear_failures():
             return self._tangent.respond(reactions, self._task.settings.tolerance)
-        except PETSc.Error as error:
-            raise_callback_error(error)
-            raise NotConverged(LINEAR_FAILURE) from error
 
     def state_of(self, saved: SavedState | None) -> SavedState | None:
         """A saved state with cones, of its multipliers if need be; None without; collective."""
@@ -222,10 +218,8 @@ class InteriorPoint:
         self._crawled, self._gap = 0, 0.0
         self._pieces, self._is_from_saved, self.is_elastic = None, False, False
         try:
-            is_found = self._start(last, by_pieces_alone)
-        except PETSc.Error as error:
-            raise_callback_error(error)
-            raise NotConverged(LINEAR_FAILURE) from error
+            with linear_failures():
+                is_found = self._start(last, by_pieces_alone)
         finally:
             task.counts.linear += self._tangent.take_iterations()
         if self.is_elastic:
@@ -408,11 +402,9 @@ class InteriorPoint:
         try:
             for bound in self._moving:
                 bound.friction.growth = np.maximum(bound.slope(), 0.0)
-            direction, t = self._searched(measures)
-            t = self._tangent.trusted(t, direction.displacement)
-        except PETSc.Error as error:
-            raise_callback_error(error)
-            raise NotConverged(LINEAR_FAILURE) from error
+            with linear_failures():
+                direction, t = self._searched(measures)
+                t = self._tangent.trusted(t, direction.displacement)
         finally:
             counts.linear += self._tangent.take_iterations()
         # An approach whose friction bounds lead nowhere crawls; another may not.

@@ -54,7 +54,7 @@ class Tangent:
         system, data = task.system, task.system.data
         space = system.u.function_space
         self._owned = space.dofmap.index_map.size_local * space.dofmap.index_map_bs
-        self.energy = self.force_scale = self.acting = 0.0
+        self.energy = self.force_scale = 0.0
         v, du = ufl.TestFunction(space), ufl.TrialFunction(space)
         #: Whether the forces of the body are linear in its displacement.
         self.is_linear = data.own_energy is None
@@ -105,8 +105,8 @@ class Tangent:
             sprung = tools.stiffnesses * displacement[self._owned :]
             self._stretched = np.append(self._body_forces(), sprung)
             self.energy = system.energy()
-        self.acting = max(self._norm(self._load), self._norm(self._stretched))
-        self.force_scale = system.rounding.raise_above(self.acting, self._tolerance)
+        acting = max(self._norm(self._load), self._norm(self._stretched))
+        self.force_scale = system.rounding.raise_above(acting, self._tolerance)
         self._unbalanced = self._stretched - self._load
 
     def load_work(self) -> float:

@@ -7,13 +7,15 @@ the Galerkin products of multigrid know nothing of blocks.
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from petsc4py import PETSc
 
 from contact_locking import _compat
+from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.solver.linear.factorised import chosen
 
 PREFIX = "contact_locking_"
@@ -144,6 +146,17 @@ def stacked(matrices: Sequence[PETSc.Mat]) -> PETSc.Mat:
 
 
 LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
+
+
+@contextlib.contextmanager
+def linear_failures() -> Iterator[None]:
+    """Errors of PETSc as NotConverged."""
+    try:
+        yield
+    except PETSc.Error as error:
+        raise_callback_error(error)
+        raise NotConverged(LINEAR_FAILURE) from error
+
 
 #: A step like the last is a good start, but its residual, where cells are stiff, may be 1e6 times
 #: the right-hand side until the first iteration has removed this part.  PETSc would call that
