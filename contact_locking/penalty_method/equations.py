@@ -37,7 +37,7 @@ from contact_locking.laws.penalty import Penalty
 from contact_locking.problem import forms
 from contact_locking.problem.strain_sets import NormSet
 from contact_locking.problem.system import System
-from contact_locking.solver.task import ContactForces, Multipliers, multiplier_spaces
+from contact_locking.solver.task import ContactForces, Multipliers
 
 
 def psi(v: Expr, delta: Expr) -> Expr:
@@ -168,12 +168,13 @@ class Equations:
             size = np.hypot(np.linalg.norm(slip, axis=1), float(item.delta.value))
             friction = (system.bounds[contact] / size)[:, None] * slip
             forces.append(ContactForces(pressure, friction, pressure > 0.0))
-        spaces = multiplier_spaces(self.data, system.kept, system.u.function_space.mesh)
-        result = Multipliers.none(self.data, spaces, tuple(forces))
+        mesh = system.u.function_space.mesh
+        result = Multipliers.none(self.data, system.kept, mesh, tuple(forces))
         ball = NormSet("strain", self.data.inverse_limit)
         stress = ball.multiplier(self.data.strain(system.u), self.n)
-        result.locking_stress.interpolate(compiled.interpolation(stress, spaces[0]))
-        result.locking_stress.x.scatter_forward()
+        total = result.locking_stress
+        total.interpolate(compiled.interpolation(stress, total.function_space))
+        total.x.scatter_forward()
         return result
 
     def refresh(self) -> None:

@@ -45,7 +45,6 @@ from contact_locking.solver.task import (
     Multipliers,
     Outcome,
     SavedState,
-    multiplier_spaces,
 )
 
 # A change of the written files raises this number.
@@ -304,8 +303,8 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
             bounds.append(scalars("friction_bound", *at))
             if len(history):
                 memories.append((vectors("old_place", *at), scalars("old_slip", *at)))
-        spaces = multiplier_spaces(problem.data, Kept(), problem.domain.mesh)
-        multipliers = Multipliers.none(problem.data, spaces, tuple(forces))
+        mesh = problem.domain.mesh
+        multipliers = Multipliers.none(problem.data, Kept(), mesh, tuple(forces))
         for number, y in enumerate(multipliers.parts):
             layout.fill(y, arrays.get(f"locking_stress_{number}"))
         multipliers.add_up(problem.data)

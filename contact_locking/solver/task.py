@@ -36,18 +36,6 @@ class ContactForces:
     friction: FloatArray
     touches: BoolArray
 
-    @classmethod
-    def none(cls, nodes: int, dim: int) -> ContactForces:
-        """No forces at so many nodes."""
-        return cls(np.zeros(nodes), np.zeros((nodes, dim)), np.zeros(nodes, dtype=bool))
-
-
-def multiplier_spaces(
-    data: ProblemData, kept: Kept, mesh: dolfinx.mesh.Mesh
-) -> list[fem.FunctionSpace]:
-    """The spaces of the multipliers of the sets of strains; collective."""
-    return [item.multipliers(data.element, kept, mesh) for item in data.sets]
-
 
 @dataclass(frozen=True)
 class Multipliers:
@@ -65,10 +53,12 @@ class Multipliers:
     def none(
         cls,
         data: ProblemData,
-        spaces: Sequence[fem.FunctionSpace],
+        kept: Kept,
+        mesh: dolfinx.mesh.Mesh,
         contacts: tuple[ContactForces, ...],
     ) -> Multipliers:
-        """No stress, in :func:`multiplier_spaces`, and the given forces on Gamma_C; collective."""
+        """No stress, and the given forces on Gamma_C; collective."""
+        spaces = (item.multipliers(data.element, kept, mesh) for item in data.sets)
         parts = tuple(fem.Function(space) for space in spaces)
         total = parts[0] if data.only_ball else fem.Function(parts[0].function_space)
         total.name = "locking_stress"
@@ -77,9 +67,12 @@ class Multipliers:
     @classmethod
     def zero(cls, system: System) -> Multipliers:
         """No stress and no forces; collective."""
-        data, mesh = system.data, system.u.function_space.mesh
-        forces = (ContactForces.none(len(c.surface.nodes), system.dim) for c in data.contacts)
-        return cls.none(data, multiplier_spaces(data, system.kept, mesh), tuple(forces))
+        counts = [len(contact.surface.nodes) for contact in system.data.contacts]
+        forces = tuple(
+            ContactForces(np.zeros(k), np.zeros((k, system.dim)), np.zeros(k, dtype=bool))
+            for k in counts
+        )
+        return cls.none(system.data, system.kept, system.u.function_space.mesh, forces)
 
     def add_up(self, data: ProblemData) -> None:
         """Make Z the sum of the shares of all sets of strains; collective."""

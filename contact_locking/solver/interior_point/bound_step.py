@@ -62,12 +62,6 @@ class MovingBound:
         return self.contact.friction
 
     @property
-    def follows_pressure(self) -> bool:
-        """Whether the bound follows the pressure, and nothing else."""
-        law = self.law
-        return law.is_coulomb and not law.depends_on_slip
-
-    @property
     def in_force(self) -> FloatArray:
         """The bound at all nodes of the contact at present."""
         return self.system.bounds[self.contact]
@@ -122,15 +116,6 @@ class MovingBound:
         self.friction.set_bound(self.friction.nodes.of_all(wanted))
 
 
-@dataclass
-class _Known:
-    """A step of the bounds, what the equation makes of it, and the displacement it leads to."""
-
-    step: FloatArray
-    image: FloatArray
-    displacement: FloatArray
-
-
 class BoundStep:
     """The step of the bounds that belongs to a step of the iterate; made once for each tangent.
 
@@ -150,7 +135,8 @@ class BoundStep:
         self.look()
         counts = [len(law.friction.weights) for law in self._laws]
         self._ends = np.cumsum(counts)[:-1]
-        self._known: list[_Known] = []
+        # Steps of the bounds, what the equation makes of them, and their displacements.
+        self._known: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._foreseen = 0.0
 
     def look(self) -> None:
@@ -234,11 +220,11 @@ class BoundStep:
                 if not size > self._enough(start):
                     break
                 self._learn(left)
-            known = self._known[i]
-            share = self._dot(known.image, left)
-            change += share * known.step
-            displacement += share * known.displacement
-            left -= share * known.image
+            step, image, moved = self._known[i]
+            share = self._dot(image, left)
+            change += share * step
+            displacement += share * moved
+            left -= share * image
         return change, displacement
 
     def _enough(self, start: float) -> float:
@@ -251,14 +237,13 @@ class BoundStep:
         parts = np.split(step, self._ends)
         du = self._tangent.respond(self._reactions(parts), self._tuning.linear_loosest)
         moved = np.concatenate([law.moved_by(du) for law in self._laws])
-        new = _Known(step.copy(), step - moved, du)
-        for other in self._known:
-            share = self._dot(other.image, new.image)
-            new.image -= share * other.image
-            new.step -= share * other.step
-            new.displacement -= share * other.displacement
-        size = self._norm(new.image) or 1.0
-        for values in (new.step, new.image, new.displacement):
+        new = step.copy(), step - moved, du
+        for known in self._known:
+            share = self._dot(known[1], new[1])
+            for values, others in zip(new, known, strict=True):
+                values -= share * others
+        size = self._norm(new[1]) or 1.0
+        for values in new:
             values /= size
         self._known.append(new)
 

@@ -175,7 +175,3 @@ class Direction:
         """The direction plus ``share`` times the other."""
         moved = self.displacement + share * other.displacement
         return Direction(moved, self.step.plus(other.step, share), self.cones)
-
-    def between(self, other: Direction, share: float) -> Direction:
-        """The direction plus ``share`` times what leads from it to the other."""
-        return other if share == 1.0 else self.plus(other.plus(self, -1.0), share)

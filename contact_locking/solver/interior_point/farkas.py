@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import ufl
@@ -94,7 +94,9 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
     resistance += (tangent.left_unbalanced() + _pull_of_springs(system, rho)) * farthest
-    resistance += GAP_ROUNDING * target.length * _pressed(iterate, reactions)
+    pressures = [item for item in reactions if isinstance(item.family, OnContact)]
+    pressed = (float(item.family.weights @ np.abs(item.values)) for item in pressures)
+    resistance += GAP_ROUNDING * target.length * _summed(iterate, pressed)
     # An infinite resistance is that of a foundation that would have to pull.
     if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
         return None
@@ -103,21 +105,18 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
 
 def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
     """``B(u)`` of the displacement visited last; collective."""
-    local = sum(item.family.power(item.values, item.family.seen) for item in reactions)
-    return float(iterate.comm.allreduce(local))
+    return _summed(
+        iterate, (item.family.power(item.values, item.family.seen) for item in reactions)
+    )
 
 
 def _resistance(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
     """R, infinite for a pressure that is negative somewhere; collective."""
-    local = sum(item.family.resistance(item.values) for item in reactions)
-    return float(iterate.comm.allreduce(local))
+    return _summed(iterate, (item.family.resistance(item.values) for item in reactions))
 
 
-def _pressed(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
-    """The integral of all pressures; collective."""
-    pressures = [item for item in reactions if isinstance(item.family, OnContact)]
-    local = sum(float(item.family.weights @ np.abs(item.values)) for item in pressures)
-    return float(iterate.comm.allreduce(local))
+def _summed(iterate: Iterate, local: Iterable[float]) -> float:
+    return float(iterate.comm.allreduce(sum(local)))
 
 
 def _work_beyond(system: System, displacement: FloatArray, unlimited: float) -> float:

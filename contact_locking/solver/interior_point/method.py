@@ -227,11 +227,12 @@ class InteriorPoint:
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
         if self.is_elastic or is_found:
             return self._gap
-        limit, tuning = settings.max_iterations, self._tuning
+        limit, tuning, target = settings.max_iterations, self._tuning, task.target
         # Where linear solves are direct, the pieces of the laws give locking stresses their law.
-        wants_law = self._has_law and self._tangent.direct is None
-        steps_left = tuning.steps_for_law if wants_law else 0
-        best, stays, is_soft = math.inf, 0, task.target.penalty.is_soft
+        has_digits = target.penalty.n <= tuning.stiffest_law * target.stiffness
+        has_law = has_digits and bool(self._families.strains) and self._tangent.direct is None
+        steps_left = tuning.steps_for_law if has_law else 0
+        best, stays, is_soft = math.inf, 0, target.penalty.is_soft
         patience = tuning.patience_with_penalties if is_soft else tuning.patience
         can_rest = self.bound_moves and not task.system.tools.act
         for iteration in range(limit + 1):
@@ -261,7 +262,9 @@ class InteriorPoint:
                 raise NotConverged(
                     f"{patience} interior point iterations led no nearer ({measures})"
                 )
-            self._soften(measures)
+            unbalanced = max(settings.tolerance, tuning.rounded * self._left)
+            if self._tangent.direct is not None and measures.equilibrium > unbalanced:
+                self._bound_stiffness()
             if iteration == limit:
                 self.require_feasible()
                 raise NotConverged(
@@ -280,13 +283,6 @@ class InteriorPoint:
             self.require_feasible()
             raise NotConverged(f"the interior point step vanished ({measures})")
         return measures.gap
-
-    @property
-    def _has_law(self) -> bool:
-        """Whether locking has a penalty law that the rounding in strains lets it keep."""
-        target = self._task.target
-        has_digits = target.penalty.n <= self._tuning.stiffest_law * target.stiffness
-        return has_digits and bool(self._families.strains)
 
     # 1. The start.
 
@@ -341,7 +337,8 @@ class InteriorPoint:
         """
         bounds = self._families.bounds
         if self.bound_moves:
-            suits = all(bound.follows_pressure for bound in bounds)
+            laws = [bound.law for bound in bounds]
+            suits = all(law.is_coulomb and not law.depends_on_slip for law in laws)
         else:
             suits = goes_on and not any([bound.is_zero() for bound in bounds])
         suits = suits and bool(self._families.every) and self._approach == CLOSE
@@ -377,19 +374,11 @@ class InteriorPoint:
             self._first = size, first_primal
             self.require_feasible()
 
-    def _soften(self, measures: Measures) -> None:
-        """Bound the stiffness of steps if rounding has unbalanced the forces of the last.
+    def _bound_stiffness(self) -> None:
+        """Bound the stiffness of the steps that follow, by less than it was bounded before.
 
         Rounding in a displacement makes forces in proportion to that stiffness.
         """
-        tuning, unbalanced = self._tuning, measures.equilibrium
-        if self._tangent.direct is None or unbalanced <= self._task.settings.tolerance:
-            return
-        if unbalanced > tuning.rounded * self._left:
-            self._bound_stiffness()
-
-    def _bound_stiffness(self) -> None:
-        """Bound the stiffness of the steps that follow, by less than it was bounded before."""
         least, most = self._tuning.stiffest
         self._stiffest = min(max(0.1 * self._stiffest, least), most)
         self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))

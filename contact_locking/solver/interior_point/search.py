@@ -154,7 +154,7 @@ class Search:
         """
         best, share, length = recentred, 1.0, self._length(recentred)
         for smaller in self._tuning.recentring_shares:
-            candidate = direction.between(recentred, smaller)
+            candidate = direction.plus(recentred.plus(direction, -1.0), smaller)
             longer = self._length(candidate)
             if not longer > length:
                 break
