@@ -26,7 +26,7 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 class ContactNodes:
-    """``v -> v_nu`` and ``v -> v_tau`` at k nodes with weights, and the forces of tractions there.
+    """The displacement at k nodes with weights, and the forces of tractions there.
 
     The nodes are the owned ones of ``contact`` whose normal displacement is free, as nothing is
     left to decide at the others.  ``number`` is the place of the contact among all contacts.
@@ -39,13 +39,13 @@ class ContactNodes:
         surface, self._active = contact.surface, contact.free
         self.normal = np.ascontiguousarray(contact.normals[self._active].T)
         self.operator = surface.operator
-        self._points = np.flatnonzero(self._active).astype(np.int32)
+        self.points = np.flatnonzero(self._active).astype(np.int32)
         self.weights = surface.weights[self._active]
         contacts = [tool.contact for tool in system.tools]
         #: The number of the foundation here among the free ones, None if it is not free.
         self.tool = contacts.index(contact) if contact in contacts else None
         none = np.zeros(self.dim)
-        self._direction = none if self.tool is None else system.tools[self.tool].direction
+        self.direction = none if self.tool is None else system.tools[self.tool].direction
         self._owned = len(system.load)
 
     @property
@@ -53,42 +53,13 @@ class ContactNodes:
         """The gap (k,)."""
         return self.contact.gaps[self._active]
 
-    def normal_displacements(self, displacement: FloatArray) -> FloatArray:
-        """``u_nu`` (k,) of a displacement, relative to tools; collective."""
-        return dot(self._at_points(displacement), self.normal)
-
-    def slips(self, displacement: FloatArray) -> FloatArray:
-        """``u_tau`` (d, k) of a displacement, relative to tools; collective."""
-        return along_planes(self._at_points(displacement), self.normal)
-
     def old_slips(self) -> FloatArray:
         """``u_{k-1,tau}`` (d, k), where the nodes stood before the step."""
         return self.contact.references[self._active].T
 
-    def increments(self, displacement: FloatArray) -> FloatArray:
-        """The slips (d, k) of the step, ``u_tau - u_{k-1,tau}``, of a displacement; collective."""
-        return along_planes(self._at_points(displacement) - self.old_slips(), self.normal)
-
-    def add_traction(self, traction: FloatArray, forces: PETSc.Vec) -> None:
-        """``forces += int traction . (.)``; collective."""
-        self.operator.add_forces(self.at_all(self.weights * traction), forces)
-
     def stiffness(self, block: FloatArray) -> PointStiffness:
         """The stiffness of blocks D (d, d, k)."""
         return PointStiffness(self.operator, self.at_all(self.weights * block))
-
-    def add_tool_forces(
-        self, traction: FloatArray, forces: FloatArray, magnitudes: bool = False
-    ) -> None:
-        """``forces -= int traction . d`` for a travel d here, or ``+= int |traction . d|``."""
-        if self.tool is not None:
-            along = self._direction @ traction
-            sum_of = np.abs(along) if magnitudes else -along
-            forces[self.tool] += sum_of @ self.weights
-
-    def stiffer_than(self, stiffness: float, springs: FloatArray) -> IndexArray:
-        """The owned blocks that springs (k,) hold more stiffly than a material; collective."""
-        return self.operator.blocks_of(self._points[springs > self.material_springs(stiffness)])
 
     def material_springs(self, material: float) -> FloatArray:
         """The springs (k,) per area that are as stiff as a material with this stiffness."""
@@ -96,7 +67,7 @@ class ContactNodes:
 
     def along(self, places: IndexArray, directions: FloatArray) -> PETSc.Mat:
         """The matrix of ``v -> directions . v``, (d, p), at nodes ``places`` (p,); collective."""
-        return self.operator.along(self._points[places], directions.T)
+        return self.operator.along(self.points[places], directions.T)
 
     def at_all(self, values: FloatArray) -> FloatArray:
         """Values (..., k) as values (K, ...) at all owned nodes of the contact, zero at others."""
@@ -112,12 +83,12 @@ class ContactNodes:
         """Put values (k,) or (d, k) into an array over all owned nodes of the contact."""
         into[self._active] = values.T
 
-    def _at_points(self, displacement: FloatArray) -> FloatArray:
-        """The limited values (d, k) of a displacement, relative to tools; collective."""
+    def displacements(self, displacement: FloatArray) -> FloatArray:
+        """The displacements (d, k) of the nodes, relative to tools; collective."""
         values = self.operator.values(displacement)[self._active].T
         if self.tool is None:
             return values
-        return np.asarray(values - displacement[self._owned + self.tool] * self._direction[:, None])
+        return np.asarray(values - displacement[self._owned + self.tool] * self.direction[:, None])
 
 
 class OnContact(Family):
@@ -143,10 +114,12 @@ class OnContact(Family):
         return self.nodes.along(points, directions)
 
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        return self.nodes.stiffer_than(factor * material, self.stiffest)
+        is_stiff = self.stiffest > self.nodes.material_springs(factor * material)
+        return self.nodes.operator.blocks_of(self.nodes.points[is_stiff])
 
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
-        self.nodes.add_traction(self.tractions(reactions), forces)
+        traction = self.weights * self.tractions(reactions)
+        self.nodes.operator.add_forces(self.nodes.at_all(traction), forces)
 
     @property
     def tool(self) -> int | None:
@@ -155,7 +128,9 @@ class OnContact(Family):
     def add_tool_forces(
         self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
     ) -> None:
-        self.nodes.add_tool_forces(self.tractions(reactions), forces, magnitudes)
+        if self.tool is not None:
+            along = self.nodes.direction @ self.tractions(reactions)
+            forces[self.tool] += (np.abs(along) if magnitudes else -along) @ self.weights
 
 
 class ContactCones(OnContact, HalfLines):
@@ -173,7 +148,7 @@ class ContactCones(OnContact, HalfLines):
     # The displacement and the forces.
 
     def see(self, displacement: FloatArray) -> FloatArray:
-        return self.nodes.normal_displacements(displacement)
+        return dot(self.nodes.displacements(displacement), self.nodes.normal)
 
     def tractions(self, reactions: FloatArray) -> FloatArray:
         return np.asarray(self.nodes.normal * reactions)
@@ -234,10 +209,11 @@ class FrictionCones(OnContact, Slips):
         self.bound_step, self.growth = np.zeros((2, len(nodes.weights)))
 
     def see(self, displacement: FloatArray) -> FloatArray:
-        return self.nodes.slips(displacement)
+        return along_planes(self.nodes.displacements(displacement), self.normal)
 
     def look(self, displacement: FloatArray) -> None:
-        self.seen = self.nodes.increments(displacement)
+        moved = self.nodes.displacements(displacement) - self.nodes.old_slips()
+        self.seen = along_planes(moved, self.normal)
 
     def tractions(self, reactions: FloatArray) -> FloatArray:
         return reactions
