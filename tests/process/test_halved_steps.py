@@ -6,10 +6,7 @@ import math
 from typing import Any
 
 import pytest
-from problems import block
-from rings import floor, ring
-from seal import seal
-from sheared_block import all_of, sheared
+from problems import all_of, block, floor, ring, seal, sheared
 from slow import slow
 
 from contact_locking import Parameters, solve_steps

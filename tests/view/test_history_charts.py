@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from seal import seal
+from problems import seal
 
 from contact_locking import InputError, solve
 from contact_locking.results.output import UnitLabels
