@@ -105,7 +105,6 @@ def parser() -> argparse.ArgumentParser:
     sub = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
     sub.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     sub.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    add_plan(sub, "searches of fit.starts")
     sub = add_for_file("serve", "Answer requests of UM-Bridge for numbers of a study file.")
     sub.add_argument("--host", default="127.0.0.1", help="the address, 127.0.0.1 by default")
     sub.add_argument("--port", type=int, default=4242, help="the port, 4242 by default")

@@ -24,7 +24,6 @@ from contact_locking.plain_text import count, gigabytes, nearest, printable
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from contact_locking.inverse.fit.starts import Begun
     from contact_locking.monitor import Monitor
     from contact_locking.study_file import StudyFile
     from contact_locking.study_file.parameters import Parameters
@@ -118,45 +117,24 @@ def study(arguments: argparse.Namespace) -> int:
 def fit(arguments: argparse.Namespace) -> int:
     """Fit numbers of the file to its measured curves, and print what was found."""
     file = _load(arguments.file, _overrides(arguments))
-    # Before this process has MPI, as it starts those of the searches.
-    begun = _search(arguments, file)
-    parameters = file.parameters if begun is None else begun.parameters
     comm = world_with_dolfinx(arguments)
-    from contact_locking.inverse.fit import session
+    from contact_locking.inverse import fitting
 
     directory = file.parameters.output.directory
     arguments.left = lambda: (
         f"the evaluations so far are in {directory}; the same command goes on from there"
     )
     with _solving(arguments, file, comm) as (monitor, speaks):
-        estimate, solution = session.fit(parameters, directory, comm, monitor, begun)
+        estimate, solution = fitting.fit(file.parameters, directory, comm, monitor)
     for text in [*estimate["words"], *estimate["undetermined"]]:
         terminal.complain(f"warning: {text}")
     if speaks:
-        print(terminal.columns(session.rows(estimate)))
+        print(terminal.columns(fitting.rows(estimate)))
         print(f"results in {directory}")
     if estimate["converged"] and solution.converged:
         return CONVERGED
     terminal.complain(f"error: not converged: {estimate['reason']}")
     return NOT_CONVERGED
-
-
-def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
-    """The best of several searches that a fit asks for, None for one search."""
-    from contact_locking.running.executor import Plan
-
-    plan = Plan(arguments.jobs, arguments.ranks)
-    section = file.parameters.fit
-    if section is None or section.starts == 1:
-        if plan != Plan():
-            raise InputError("--jobs and --ranks are for several searches: fit.starts")
-        return None
-    if terminal.world() is not None:
-        raise InputError("start several searches without mpirun: --ranks K runs each on K ranks")
-    from contact_locking.inverse.fit import starts
-
-    with _explained(file):
-        return starts.search(file.parameters, plan, terminal.console())
 
 
 def serve(arguments: argparse.Namespace) -> int:
@@ -200,8 +178,7 @@ def check(arguments: argparse.Namespace) -> int:
         output_folder.prepare(parameters.output.directory, comm)
         experiments = []
         if parameters.fit is not None:
-            from contact_locking.inverse.fit.curves import read_experiments
-            from contact_locking.inverse.fit.starts import variables_of
+            from contact_locking.inverse.model import read_experiments, variables_of
 
             experiments = read_experiments(parameters)
             variables_of(parameters)

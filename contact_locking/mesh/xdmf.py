@@ -182,7 +182,7 @@ _FORBIDDEN = frozenset("/'\"<>&")
 
 
 def export(domain: Domain, path: Path) -> None:
-    """Write a mesh and its groups as a file that `from_xdmf` reads, with its data; collective.
+    """Write a mesh and its groups as a file that `read` reads, with its data; collective.
 
     The files are ``path`` and the file beside it with the ending .h5.  Raises InputError for the
     name of a group that XDMF files cannot have, and for files that cannot be written.

@@ -94,7 +94,7 @@ def test_a_group_partly_inside_the_body_keeps_its_boundary_with_a_warning(
 ) -> None:
     named: Groups = {**BODY, "bottom": [(1, 2), (1, 3)]}
     facts = check(study(written(folder, comm, SQUARE, named)), comm)
-    assert "'bottom' is boundary in part only: 1 of its 2 lines" in facts["warnings"][0]
+    assert "'bottom': 1 of its 2 lines are not on the boundary" in facts["warnings"][0]
     (bottom,) = [group for group in facts["groups"] if group.name == "bottom"]
     assert bottom.measure == pytest.approx(1.0)
 

@@ -14,10 +14,8 @@ import pytest
 from mpi4py import MPI
 
 from contact_locking import from_mapping
-from contact_locking.inverse.fit.curves import read_experiments
-from contact_locking.inverse.fit.model import Model
-from contact_locking.inverse.fit.session import Search
-from contact_locking.inverse.fit.starts import variables_of
+from contact_locking.inverse.fitting import Search
+from contact_locking.inverse.model import Model, read_experiments, variables_of
 from contact_locking.inverse.sensitivities import value_of
 from contact_locking.monitor import Monitor
 from contact_locking.running.solving import solve_steps
