@@ -111,9 +111,7 @@ def parser() -> argparse.ArgumentParser:
     sub = add("report", "Write an HTML page and charts of a finished run or study.")
     sub.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
     add_for_file("check", "Check a study file and list what would run, without a solve.")
-    sub = add_for_file(
-        "mesh", "Write the mesh of a study file, or of another program, as a Gmsh or XDMF file."
-    )
+    sub = add_for_file("mesh", "Write the mesh of a study file as a Gmsh file.")
     sub.add_argument("-o", "--output", metavar="FILE", type=Path, required=True)
     sub = add("schema", "Print every key with its default, unit and description.")
     sub.add_argument("--json", action="store_true", help="as JSON schema, for editors")

@@ -217,54 +217,29 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def mesh(arguments: argparse.Namespace) -> int:
-    """Write the mesh of a study file as a file that is read."""
-    for warning in _written_mesh(arguments, arguments.output):
-        terminal.complain(f"warning: {warning}")
-    if terminal.is_root():
-        print(f"{arguments.output}: written")
-    return 0
-
-
-def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
-    """Write the mesh to ``place``, and return the warnings about it."""
-    from contact_locking.mesh.data import data_file, is_xdmf
-
-    def require_new() -> None:
-        for path in (place, *([data_file(place)] if is_xdmf(place) else [])):
-            if path.exists() or path.is_symlink():
-                raise InputError(f"{path}: there is a file already; -o FILE names another one")
-
+    """Write the mesh of a study file's builder as a Gmsh file."""
     if arguments.file.suffix.lower() == ".inp":
         raise InputError(f"a study reads a deck as it is: mesh.file: {arguments.file}")
-    study = _load(arguments.file, arguments.set)
-    if is_xdmf(place):
-        comm = world_with_dolfinx(arguments)
-        from contact_locking.mesh import xdmf
-        from contact_locking.parallel import on_root
-        from contact_locking.study import assembly
-
-        on_root(comm, require_new)
-
-        with _explained(study):
-            domain = assembly.mesh_of(study.parameters, comm)
-            xdmf.export(domain, place)
-        return [f"{domain.origin}: {warning}" for warning in domain.warnings]
+    study, place = _load(arguments.file, arguments.set), arguments.output
     geometry = study.parameters.mesh.geometry
     with _explained(study):
         if geometry is None:
             raise InputError("the mesh is a file already, nothing is built", "mesh.file")
-    if terminal.is_root():
-        from contact_locking.meshes import write
+    if not terminal.is_root():
+        return 0
+    from contact_locking.meshes import write
 
-        require_new()
-        try:
-            with explained(f"cannot write {place}", place):
-                write(geometry, place, study.parameters.refined_names)
-        except ImportError as error:
-            raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
-        except (ValueError, RuntimeError) as error:
-            raise InputError(str(error)) from error
-    return ()
+    if place.exists() or place.is_symlink():
+        raise InputError(f"{place}: there is a file already; -o FILE names another one")
+    try:
+        with explained(f"cannot write {place}", place):
+            write(geometry, place, study.parameters.refined_names)
+    except ImportError as error:
+        raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
+    except (ValueError, RuntimeError) as error:
+        raise InputError(str(error)) from error
+    print(f"{place}: written")
+    return 0
 
 
 def schema(arguments: argparse.Namespace) -> int:

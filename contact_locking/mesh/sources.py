@@ -98,7 +98,9 @@ class WholeMesh:
             words = json.loads(file["words"].tobytes())
             cells, facets = (
                 MeshElements(
-                    *(file[f"{kind}.{array}"] for of, array in _ARRAYS if of == kind),
+                    file[f"{kind}.nodes"],
+                    file[f"{kind}.numbers"],
+                    file[f"{kind}.groups"],
                     {name: tuple(tags) for name, tags in words["names"][kind].items()},
                 )
                 for kind in ("cells", "facets")

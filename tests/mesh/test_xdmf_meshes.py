@@ -11,14 +11,13 @@ import pytest
 from mpi4py import MPI
 from problems import block
 from small_meshes import BODY, FAR, LOOSE, REFUSED, SQUARE, Groups, study
-from xdmf import write_xdmf
+from xdmf import export, write_xdmf
 
 from contact_locking import check, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.data import data_file
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file, from_geometry
-from contact_locking.mesh.xdmf import export
 
 
 def written(folder: Path, comm: MPI.Intracomm, *mesh: Any) -> Path:
