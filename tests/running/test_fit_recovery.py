@@ -63,7 +63,7 @@ def search(
     np.savetxt(curve, rows, delimiter=",", header=",".join(names), comments="")
     given = {"data": str(curve), "quantities": quantities, "parameters": numbers}
     asked = from_mapping(study | {"fit": given})
-    model = Model(asked, read_experiments(asked), (folder,), MPI.COMM_WORLD)
+    model = Model(asked, read_experiments(asked), folder, MPI.COMM_WORLD)
     return Search(model, variables_of(asked), Monitor())
 
 
