@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block, column
+from problems import all_of, block, column, sheared
 from report_folder import quick
-from sheared_block import all_of, sheared
 from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve, solve_steps, study_file

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from bounded_block import benchmark
 from certified import certificate
 from dolfinx import fem
 from manufactured import Manufactured, X, Y
 from mpi4py import MPI
-from problems import block, column, with_changes
+from problems import benchmark, block, column, with_changes
 from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, exact_displacement
 from transfer import on_mesh_of
 
