@@ -150,12 +150,6 @@ def test_the_bound_of_a_manufactured_solution_is_sharp_and_never_below_the_error
     assert 1.0 - 1e-9 <= found["energy_norm"] / exact.errors(solution).energy <= most
 
 
-@pytest.mark.serial
-def test_no_bound_is_proved_for_a_load_that_no_stress_balances() -> None:
-    found = bound(benchmark(4, loads__body_force=["0.01*sin(9*x)", 0.0]))
-    assert not found["applicable"] and "a body force is not of degree 0" in found["reason"]
-
-
 def annulus_error(solution: StudySolution) -> float:
     """The energy norm of the error against the exact solution of V10; collective."""
     mesh = solution.domain.mesh
