@@ -499,7 +499,7 @@ def test_a_mesh_file_is_relative_to_the_study_file(tmp_path: Path) -> None:
     (tmp_path / "body.msh").touch()
     assert load(path).parameters.mesh.file == str(tmp_path / "body.msh")
     (tmp_path / "folder").mkdir()
-    assert "is a folder" in refusal(path, "mesh: {file: folder}\n")
+    assert "is no file" in refusal(path, "mesh: {file: folder}\n")
 
 
 @pytest.mark.parametrize(("key", "value"), WRONG)
