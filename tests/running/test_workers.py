@@ -69,16 +69,3 @@ def test_a_process_is_replaced_after_many_cases(
     solve_all(Executor(cases, Plan(jobs=1)))
     logs = [(case.folder / "log.txt").read_text() for case in cases]
     assert logs[0] == logs[1] != logs[2] == logs[3]
-
-
-def test_ending_a_study_ends_its_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    script = "import sys, time; sys.stdin.readline(); time.sleep(60)"
-    monkeypatch.setattr(executor, "_WORKER", (sys.executable, "-c", script))
-    folder = Folder(tmp_path, monkeypatch)
-    folder.write("{vary: {penalty.n: [10, 20, 30]}}")
-    several = Executor(Study.of(folder.load()).cases, Plan(jobs=2))
-    several.start()
-    began = time.monotonic()
-    several.stop()
-    assert time.monotonic() - began < 30
-    assert all(slot.ended() for slot in several.running)

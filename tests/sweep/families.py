@@ -6,46 +6,13 @@ import dataclasses
 import math
 import zlib
 
-import numpy as np
-
-from . import (
-    between,
-    bodies,
-    cells,
-    free,
-    frictions,
-    held,
-    materials,
-    processes,
-    rest,
-    scales,
-    shapes,
-    sticking,
-    supports,
-    thin,
-)
-from .case import FAMILIES, Case
+from . import blocks, frictions, materials, processes, shapes, supports, unseen
+from .case import FAMILIES, Case, Random
 from .pairs import PAIRS, pairs
 
 __all__ = ["FAMILIES", "MODULES", "PAIRS", "case_of"]
 
-MODULES = (
-    scales,
-    rest,
-    supports,
-    held,
-    free,
-    frictions,
-    materials,
-    shapes,
-    sticking,
-    processes,
-    between,
-    thin,
-    bodies,
-    cells,
-    free,
-)
+MODULES = (blocks, frictions, materials, processes, shapes, supports, unseen)
 
 
 def case_of(name: str, seed: int, linear: str = "auto", n: float | None = None) -> Case:
@@ -54,16 +21,15 @@ def case_of(name: str, seed: int, linear: str = "auto", n: float | None = None) 
     ``linear`` is the linear solver of the studies, and ``n`` the penalty in place of their own; a
     problem of pairs has its own.
     """
-    random = np.random.default_rng([zlib.crc32(name.encode()), seed])
+    random = Random.of(zlib.crc32(name.encode()), seed)
     if name == PAIRS:
         # The seed is the number of a row as well.
         return pairs(random, seed)
     case = FAMILIES[name](random)
-    for study in filter(None, (case.study, case.twin)):
-        if linear != "auto":
-            study.setdefault("solver", {})["linear"] = linear
-        if n is not None:
-            study["penalty"] = {"n": n}
+    if linear != "auto":
+        case.study.setdefault("solver", {})["linear"] = linear
+    if n is not None:
+        case.study["penalty"] = {"n": n}
     if n is not None and math.isfinite(n):
         # A penalty lets sticking points slip a little, too.
         case = dataclasses.replace(case, truth=dataclasses.replace(case.truth, slip=None))
