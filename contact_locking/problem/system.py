@@ -196,11 +196,6 @@ class System:
         """The rigid body motions, for algebraic multigrid; collective."""
         return near_nullspace(self.u)
 
-    def coarser_spaces(self) -> list[tuple[PETSc.Mat, PETSc.NullSpace]]:
-        """The affine displacements, for elements of degree 2; collective."""
-        space = self.u.function_space
-        return [affine_part(space, self.constraints)] if self.data.element.degree == 2 else []
-
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, above rounding; collective."""
         acting = max(self._load_norm, self._norm(self.forms.elastic_forces(self.u)))
