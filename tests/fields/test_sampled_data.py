@@ -98,12 +98,6 @@ _JUMPS: dict[str, tuple[str, Any, str, str]] = {
         "friction.coefficient",
         "facet",
     ),
-    "a limit": (
-        "material__locking_limit",
-        "0.02 if x < 0.47 else 0.1",
-        "material.locking_limit",
-        "cell",
-    ),
     "a limit in a half": (
         "material__locking_limit",
         "0.02 if x < 0.47 else inf",
