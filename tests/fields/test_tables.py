@@ -204,9 +204,7 @@ def test_tables_give_the_same_numbers_in_a_script_and_in_a_study_file(folder: Pa
         [cl.Displacement(mesh.domain.facets(["left"]), [0, 0])],
         [cl.StrainBall(cl.Tabulated([0, 1], [0.03, 0.05], "x"))],
         [contact],
-        loads=[
-            cl.Traction(mesh.domain.facets(["top"]), [0, cl.Tabulated([0, 0.5, 1], [0, -0.05, 0])])
-        ],
+        loads=[cl.Traction(mesh.domain.facets(["top"]), [0, force])],
         space=mesh.u.function_space,
     )
     *_, of_script = cl.Process(problem, [0.25, 0.5])

@@ -13,10 +13,10 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from msh import write_msh
 from small_meshes import Groups, Points
+from xdmf import export
 
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.parts import NamedFacets
-from contact_locking.mesh.xdmf import export
 
 # The corners of a quadrilateral and a hexahedron in Gmsh's order, as steps along the axes.
 _CORNERS: dict[int, list[tuple[int, ...]]] = {

@@ -29,14 +29,14 @@ from contact_locking.running import solving
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.theory.guaranteed.body import Body
-from contact_locking.theory.guaranteed.boundary import (
+from contact_locking.theory.equilibrated_stress import Body
+from contact_locking.theory.stress_data import (
     balanced_forces,
     balanced_loads,
     contact_tractions,
     held_components,
 )
-from contact_locking.theory.guaranteed.triangles import Triangles, macro_element, product_integral
+from contact_locking.theory.triangles import Triangles, macro_element, product_integral
 
 
 @dataclass(frozen=True)
