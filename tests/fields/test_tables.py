@@ -216,6 +216,8 @@ def test_tables_give_the_same_numbers_in_a_script_and_in_a_study_file(folder: Pa
 
 @pytest.mark.serial
 def test_arrays_that_are_no_table_are_refused() -> None:
+    points: Any
+    values: Any
     for points, values, key in ([[0, 1], [0, 1, 2], "values"], [[0, 0], [0, 1], "points"]):
         with pytest.raises(InputError) as caught:
             cl.Tabulated(points, values)
