@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
-from small_meshes import BODY, FAR, LOOSE, REFUSED, SQUARE, Groups, study
+from small_meshes import BODY, REFUSED, SQUARE, Groups, study
 from xdmf import export, write_xdmf
 
 from contact_locking import check, study_file
@@ -96,12 +96,6 @@ def test_a_group_partly_inside_the_body_keeps_its_boundary_with_a_warning(
     assert "'bottom': 1 of its 2 lines are not on the boundary" in facts["warnings"][0]
     (bottom,) = [group for group in facts["groups"] if group.name == "bottom"]
     assert bottom.measure == pytest.approx(1.0)
-
-
-def test_parts_are_found_across_the_ranks(folder: Path, comm: MPI.Intracomm) -> None:
-    path = written(folder, comm, SQUARE + FAR, LOOSE)
-    with pytest.raises(InputError, match=r"part 2 of the body \(island, from \(3, 0\) to \(4, 1"):
-        check(study(path), comm)
 
 
 @pytest.mark.serial
