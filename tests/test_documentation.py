@@ -170,8 +170,7 @@ def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
     assert cli.main(["run", "beam.yml", "--quiet", *plain]) == 0
     summary = json.loads(Path("results/beam/summary.json").read_text())
     assert 0.0 < summary["contact_area"] < 2.0
-    assert cli.main(["mesh", "beam.yml", "-o", "beam.xdmf"]) == 0
-    beam = from_file(Path("beam.xdmf"), MPI.COMM_SELF)
+    beam = from_file(Path("beam.msh"), MPI.COMM_SELF)
     assert set(beam.cell_names) == {"body", "insert"} and "clamp" in beam.facet_names
     names: dict[str, Any] = {}
     exec(writer, names)
@@ -185,24 +184,6 @@ def script_of(number: int) -> str:
     """A script of the guide to Python, with what all after the second begin with."""
     scripts = blocks("docs/guides/script.md", "python")
     return scripts[number] if number < 2 else f"{scripts[1]}\n\n{scripts[number]}"
-
-
-def test_the_guide_to_laws_stiffens_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROOT)
-    names: dict[str, Any] = {}
-    script = script_of(6)
-    exec(script, names)
-    own = names["solution"].summary["elastic_energy"]
-    exec(script.replace("2000.0", "1e-9"), names)
-    assert own < 0.95 * names["solution"].summary["elastic_energy"]
-
-
-def test_the_guide_to_laws_adds_sets_of_strains(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(ROOT)
-    names: dict[str, Any] = {}
-    exec(script_of(5), names)
-    used = [entry["utilisation_max"] for entry in names["solution"].summary["strain_sets"]]
-    assert used == pytest.approx([1.0], abs=1e-6)
 
 
 def test_the_guide_to_laws_caps_friction() -> None:

@@ -401,5 +401,4 @@ def penalised_iterate(system: System, target: Target, tolerance: float) -> Saved
         family.settle(product)
         cones.append((family.x, family.z))
     families.destroy()
-    u, travels = system.u.x.array.copy(), system.tools.travels
-    return SavedState(u, travels, target.penalty, tuple(cones))
+    return SavedState(system.u.x.array.copy(), system.tools.travels, target.penalty, tuple(cones))

@@ -320,35 +320,24 @@ def _on_boundary(facets: CellFacets) -> tuple[MeshElements, dict[str, str], list
     unusable: dict[str, str] = {}
     warnings: list[str] = []
     kept = np.zeros(len(mesh.facets), dtype=bool)
-    what, lines = "edge" if kind.dim == 2 else "face", f"{kind.facet_word}s"
+    number = facets.find(mesh.facets.nodes)
+    is_outside = (number >= 0) & (facets.count[number] == 1)
     for name in mesh.facets.names:
-        rows = np.flatnonzero(mesh.facets.named(name))
-        nodes = np.sort(mesh.facets.nodes[rows], axis=1)
-        rows = rows[np.unique(keys(nodes, len(mesh.points)), return_index=True)[1]]
-        number = facets.find(mesh.facets.nodes[rows])
-        missing, inner = number < 0, facets.count[number] == 2
-        if missing.any():
-            unusable[name] = (
-                f"{name!r} does not lie on the body: {missing.sum()} of its {len(rows)} {lines} "
-                f"are no {what}s of the body's {kind.plural}, such as "
-                f"{mesh.facet_words(int(rows[np.argmax(missing)]))}; remove what dangles, or make "
-                "it part of the body's mesh (fragment)"
+        in_group = mesh.facets.named(name)
+        kept |= in_group & is_outside
+        others = np.flatnonzero(in_group & ~is_outside)
+        if len(others):
+            first = int(others[0])
+            where = "has cells on both sides" if number[first] >= 0 else "is no facet of a cell"
+            text = (
+                f"group {name!r}: {len(others)} of its {in_group.sum()} {kind.facet_word}s are not "
+                f"on the boundary of the body, such as {mesh.facet_words(first)} "
+                f"({mesh.nodes_words(mesh.facets.nodes[first])}), which {where}"
             )
-            warnings.append(f"group {unusable[name]}")
-        elif inner.all():
-            unusable[name] = (
-                f"{name!r} lies inside the body and is not a part of its boundary: its {lines} "
-                "have cells on both sides"
-            )
-        else:
-            kept[rows[~inner]] = True
-            if inner.any():
-                example = mesh.facets.nodes[rows[np.argmax(inner)]]
-                warnings.append(
-                    f"group {name!r} is boundary in part only: {inner.sum()} of its {len(rows)} "
-                    f"{lines} have cells on both sides and are left out, such as the {what} at "
-                    f"{point_words(mesh.points[example].mean(axis=0))} "
-                    f"({mesh.nodes_words(example)})"
-                )
+            if len(others) == in_group.sum():
+                unusable[name] = text
+            # A group inside the body alone is often an interface.
+            if len(others) < in_group.sum() or (number[others] < 0).any():
+                warnings.append(f"{text}; they are left out")
     names = {name: tags for name, tags in mesh.facets.names.items() if name not in unusable}
     return replace(mesh.facets.take(kept), names=names), unusable, warnings

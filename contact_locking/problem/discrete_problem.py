@@ -151,10 +151,7 @@ class Body:
                 )
 
     def features(self, contacts: Sequence[Contact], clock: Clock) -> Iterator[str]:
-        """Warnings about data that change between the points in use, but for loads; collective.
-
-        Raises InputError for a pole there.
-        """
+        """Warnings about data that change between the points in use, but for loads; collective."""
         domain = self.domain
         every = np.arange(len(domain.parts), dtype=np.int32)
         for items, advice, relative in (

@@ -72,7 +72,7 @@ def environment(jobs: int, ranks: int) -> dict[str, str]:
 
 def words(case: Case) -> list[str]:
     """The arguments that solve a case in its folder, once `begin` has prepared it."""
-    return [case.command, str(case.folder / PARAMETERS)]
+    return ["run", str(case.folder / PARAMETERS)]
 
 
 def end_of(log: Path) -> str:

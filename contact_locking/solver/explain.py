@@ -125,12 +125,6 @@ _PRECISION = 0.01
 _STIFF = 1e6
 _ROUNDS = 8
 
-_INFEASIBLE_WAY_OUT = (
-    "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
-    "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
-    "that exceeds the limit."
-)
-
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
@@ -142,7 +136,11 @@ class Verdict:
 
     place: str
     factor: tuple[float, float] | None
-    way_out: ClassVar[str] = _INFEASIBLE_WAY_OUT
+    way_out: ClassVar[str] = (
+        "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
+        "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
+        "that exceeds the limit."
+    )
 
     @property
     def reason(self) -> str:

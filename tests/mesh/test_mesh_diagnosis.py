@@ -49,9 +49,9 @@ def test_a_group_off_the_body_is_refused_where_it_is_used_and_else_warned_of(
     named: Groups = {"dangling": [(5, 6)], **BODY}
     path = shared(comm, tmp_path, [*SQUARE, (2, 0), (3, 0)], named)
     (warning,) = check(study(path), comm)["warnings"]
-    assert "group 'dangling' does not lie on the body: 1 of its 1 lines" in warning
+    assert "group 'dangling': 1 of its 1 lines are not on the boundary" in warning
     assert "such as line 1 at (2.5, 0)" in warning
-    with pytest.raises(InputError, match="'dangling' does not lie on the body") as caught:
+    with pytest.raises(InputError, match="'dangling': 1 of its 1 lines are not") as caught:
         check(study(path, contact={"on": "dangling"}), comm)
     assert caught.value.key == "contact.on"
 
@@ -61,7 +61,9 @@ def test_a_group_inside_the_body_is_refused_where_it_is_used(
 ) -> None:
     path = shared(comm, tmp_path, SQUARE, {**BODY, "diagonal": [(1, 3)]})
     assert check(study(path), comm)["warnings"] == []
-    with pytest.raises(InputError, match="'diagonal' lies inside the body") as caught:
+    with pytest.raises(
+        InputError, match="'diagonal': 1 of its 1 lines are not on the boundary"
+    ) as caught:
         check(study(path, contact={"on": "diagonal"}), comm)
     assert caught.value.key == "contact.on"
 

@@ -282,7 +282,8 @@ class ActiveSet:
             law.y.any() for family, law in self._laws.items() if isinstance(family, ContactCones)
         )
         touches = on_any_rank(self._tangent.comm, bears)
-        return self._judge.sees_rounding or (self._springs > 0.0 and not touches)
+        is_rounding = self._tangent.force_scale < self._judge.least_force
+        return is_rounding or (self._springs > 0.0 and not touches)
 
     def _direction(self, bound_step: BoundStep) -> Direction:
         """The direction, with the steps of the friction bounds that agree with it; collective."""

@@ -104,17 +104,6 @@ class MovingBound:
         slope = self.share * bound.slope(self.contact.slips(self.system.u))
         return nodes.of_all(self.contact.rubbing(slope * np.abs(smoothed)))
 
-    def used(self, elsewhere: FloatArray) -> FloatArray:
-        """The bound at all nodes of the contact: of the cones, or ``elsewhere`` without cones."""
-        used = elsewhere.copy()
-        self.friction.nodes.enter(self.friction.bound, used)
-        return used
-
-    def set_wanted(self, wanted: FloatArray) -> None:
-        """Take the bound that the pressure asks for; collective."""
-        self.set(wanted)
-        self.friction.set_bound(self.friction.nodes.of_all(wanted))
-
 
 class BoundStep:
     """The step of the bounds that belongs to a step of the iterate; made once for each tangent.

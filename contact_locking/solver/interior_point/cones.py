@@ -46,7 +46,7 @@ class Cone(ABC):
     ``lin(u)`` is what they see of a displacement.
     """
 
-    #: How far the products of points and multipliers are integrated: over this measure.
+    #: The measure of the points that products are integrated over.
     measure: float
 
     # The iterate.
@@ -271,10 +271,6 @@ class PointCones(Cone):
     def stiffest(self) -> FloatArray:
         """The largest eigenvalue (k,) of the block D."""
 
-    def _band(self, band: tuple[float, float]) -> tuple[float, float]:
-        """A band of products per volume as one of these cones."""
-        return band[0] * self.scale, band[1] * self.scale
-
     # The pieces of the law.
 
     @abstractmethod
@@ -342,7 +338,8 @@ class LorentzCones(PointCones):
         return self._scaling.correction(step.primal, step.dual)
 
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        return self._scaling.recentring(t, step.primal, step.dual, self._band(band))
+        ends = band[0] * self.scale, band[1] * self.scale
+        return self._scaling.recentring(t, step.primal, step.dual, ends)
 
     def speeds(self, step: Step) -> FloatArray:
         return self._scaling.speeds(step.primal, step.dual)

@@ -77,7 +77,7 @@ class HalfLines(PointCones):
 
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
         products = (self.x + t * step.primal) * (self.z + t * step.dual)
-        low, high = self._band(band)
+        low, high = (self.scale * end for end in band)
         return np.maximum(np.clip(products, low, high) - products, -high)
 
     # The pieces of the law.

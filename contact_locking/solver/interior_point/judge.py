@@ -57,7 +57,7 @@ class Judge:
 
     def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
         self._task, self._tangent, self._tuning = task, tangent, tuning
-        self._least_energy = self._least_force = self.friction_change = 0.0
+        self._least_energy = self.least_force = self.friction_change = 0.0
         self.leaves_gap = False
 
     def begin(self, strain: float) -> None:
@@ -65,12 +65,7 @@ class Judge:
         target = self._task.target
         energy = target.ellipticity * strain**2 * target.volume
         self._least_energy = self._tuning.least_energy * energy
-        self._least_force = self._least_energy / ((strain or 1.0) * target.length)
-
-    @property
-    def sees_rounding(self) -> bool:
-        """Whether the forces of the iterate are below the least that are judged."""
-        return self._tangent.force_scale < self._least_force
+        self.least_force = self._least_energy / ((strain or 1.0) * target.length)
 
     def measure(self, iterate: Iterate) -> Measures:
         """Look at the iterate and judge it; collective."""
@@ -83,7 +78,7 @@ class Judge:
         told = self.mean_strain(math.sqrt(tolerance))
         energy = 0.5 * target.ellipticity * told**2 * target.volume
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
-        scale = max(tangent.force_scale, self._least_force)
+        scale = max(tangent.force_scale, self.least_force)
         # Cones whose products are rounding have no inside left.
         product, energy = iterate.total_product(), max(energy, self._least_energy)
         large = self._tuning.gap_left * self._tuning.gap_tolerance
@@ -102,7 +97,9 @@ class Judge:
         """The bounds ``mu |R p|`` of the pressure, and those of the cones; collective."""
         contacts = [item.contact for item in moving]
         wanted = [item.wanted() for item in moving]
-        used = [item.used(values) for item, values in zip(moving, wanted, strict=True)]
+        used = [values.copy() for values in wanted]
+        for item, values in zip(moving, used, strict=True):
+            item.friction.nodes.enter(item.friction.bound, values)
         left = [a - b for a, b in zip(wanted, used, strict=True)]
         least = self._task.target.least_bound(self.mean_strain(self._task.settings.tolerance))
         size = max(joint_norm(contacts, wanted), least)

@@ -439,4 +439,5 @@ class InteriorPoint:
         if not (came_closer and self._approach.trusts_newton):
             self._left = math.inf
             for item, values in zip(moving, wanted, strict=True):
-                item.set_wanted(values)
+                item.set(values)
+                item.friction.set_bound(item.friction.nodes.of_all(values))
