@@ -92,6 +92,12 @@ def test_a_load_that_is_mostly_lost_is_refused(load: str) -> None:
 _JUMPS: dict[str, tuple[str, Any, str, str]] = {
     "a gap": ("contact__gap", "0.01 if x < 0.43 else 0", "contact.gap", "facet"),
     "a pole of a gap": ("contact__gap", "0.1 + 1e-3/(x - 0.23)", "contact.gap", "facet"),
+    "friction": (
+        "friction__coefficient",
+        "0.3 if x < 0.43 else 0.1",
+        "friction.coefficient",
+        "facet",
+    ),
     "a limit in a half": (
         "material__locking_limit",
         "0.02 if x < 0.47 else inf",
