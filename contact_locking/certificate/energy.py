@@ -77,13 +77,14 @@ class Touch:
 
 @dataclass(frozen=True)
 class Moment:
-    """A state in equilibrium at one time, for the energy balance with the next state.
+    """A state at one time, for the energy balance with the next state.
 
     ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.
     ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
     work that defects are relative to.  ``negligible`` is the norm of forces that the tolerance of
     the solver does not tell from rounding.  ``eigenstrain`` has the local values of eps_0, and
-    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.
+    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.  Out of equilibrium, as
+    after a restart with other data, the balance of the next step has no bounds.
     """
 
     displacement: FloatArray
@@ -94,10 +95,11 @@ class Moment:
     negligible: float
     eigenstrain: FloatArray
     eigenstrain_energy: float
+    in_equilibrium: bool = True
 
     @classmethod
-    def of(cls, state: SolvedState) -> Moment:
-        """The moment of a solved state; collective."""
+    def of(cls, state: SolvedState, in_equilibrium: bool = True) -> Moment:
+        """The moment of a state; collective."""
         return cls(
             displacement=state.problem.u.x.array.copy(),
             forces=_external_forces(state),
@@ -107,6 +109,7 @@ class Moment:
             negligible=state.system.rounding.in_forces() / state.settings.tolerance,
             eigenstrain=_eigenstrain(state).copy(),
             eigenstrain_energy=_eigenstrain_energy(state, state.problem.u),
+            in_equilibrium=in_equilibrium,
         )
 
     @classmethod
@@ -133,23 +136,26 @@ class EnergyBalance:
     """Work, energies and numerical dissipation of a step, and the bounds of the latter.
 
     ``defect`` is how far the numerical dissipation lies outside of its bounds, relative to the work
-    of the states, of the nodal forces, or of what rounding makes of these, whichever is largest.
+    of the states, of the nodal forces, or of what rounding makes of these, whichever is largest;
+    None without bounds.
     """
 
     work: float
     stored: float
     dissipated: float
     numerical: float
-    defect: float
+    defect: float | None
 
     @classmethod
     def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
         """The balance that a row of history.csv has."""
-        names = ("work", "stored", "dissipated", "numerical", "energy_defect")
-        return cls(*(row[name] for name in names))
+        defect = None if math.isnan(row["energy_defect"]) else row["energy_defect"]
+        return cls(row["work"], row["stored"], row["dissipated"], row["numerical"], defect)
 
     def criteria(self, state: SolvedState) -> dict[str, Criterion]:
-        """The energy balance as a criterion of the certificate."""
+        """The energy balance as a criterion of the certificate, if it has bounds."""
+        if self.defect is None:
+            return {}
         meaning = "energy that a step creates or loses"
         return {"energy_balance": Criterion(self.defect, law_limit(state), meaning)}
 
@@ -196,6 +202,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
         if fields.contact.moves:
             size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))
     defect = outside / size if size > 0.0 else outside
+    judged = defect if before.in_equilibrium else None
     values = _eigenstrain(state)
     values[:] -= before.eigenstrain
     numerical += _eigenstrain_energy(state, step)
@@ -203,7 +210,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     stored = after.stored + after.eigenstrain_energy
     change = stored - before.stored - before.eigenstrain_energy
     work = numerical + change + dissipated
-    return EnergyBalance(work, stored, dissipated, numerical, defect), after
+    return EnergyBalance(work, stored, dissipated, numerical, judged), after
 
 
 def _dragged(acting: Touch, fields: ContactFields) -> FloatArray:

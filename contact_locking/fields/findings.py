@@ -35,6 +35,8 @@ TEXTS = {
     "mesh within the limit can follow the prescribed ones, which .inf would report",
     "limit.between_points": "the strain is up to {per_cent:.0f} % of its limit between the points "
     "of a cell where the element keeps the limit; a finer mesh brings this nearer to 100 %",
+    "steps.restart": "the state at t = {time:.6g} that the process goes on from is no equilibrium "
+    "with the present data; the energy balance of the next step is not judged",
     "contact.held_nodes": "the foundation enters the body by {depth:.3g} at nodes that "
     "loads.displacements holds, where no contact acts; end contact.on, or the foundation, before "
     "the part that is held",

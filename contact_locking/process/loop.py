@@ -28,6 +28,7 @@ from contact_locking.certificate.energy import EnergyBalance, Moment, energy_bal
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded
+from contact_locking.fields.findings import Finding
 from contact_locking.process import checkpoint
 from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.problem_solver import ProblemSolver
@@ -68,7 +69,7 @@ def row_of(
         "work": energy.work,
         "dissipated": energy.dissipated,
         "numerical": energy.numerical,
-        "energy_defect": energy.defect,
+        "energy_defect": math.nan if energy.defect is None else energy.defect,
     }
     row |= {f"{name}_total": history.last(f"{name}_total") + row[name] for name in SUMMED}
     row |= {
@@ -190,7 +191,8 @@ class Process(Iterator[S]):
             solution = self._with_history(solution, f"the step was read from {path}")
             yield solution
             timeline.skip_to(saved.time)
-            last, before = solution.state, Moment.of(state)
+            # With other data than those of the saved step the state is no equilibrium.
+            last, before = solution.state, Moment.of(state, solution.converged)
             discrete.enter(last.contacts)
         while not timeline.is_over:
             began = clocks.perf_counter()
@@ -235,6 +237,8 @@ class Process(Iterator[S]):
             state = self._solver.state(report)
             energy, after = energy_balance(before or Moment.at_rest(state), state)
             candidate = self._solution(state, energy, at)
+            if energy.defect is None:
+                candidate = candidate.warned(Finding("steps.restart", time=timeline.done))
             # Half the step misses a foundation between the nodes as well.
             entering = candidate.certificate.criteria.get(ENTRY)
             if (
