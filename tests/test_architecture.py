@@ -26,7 +26,7 @@ PACKAGE = Path(contact_locking.__file__).parent
 WINGS = ("theory", "inverse", "view")
 # A module imports only from its own package and from those above it in this list.
 LAYERS = (
-    ("errors", "arrays", "_version", "plain_text", "monitor"),
+    ("errors", "findings", "arrays", "_version", "plain_text", "monitor"),
     ("wings", "_compat", "parallel", "files"),
     ("expressions", "meshes"),
     ("values",),

@@ -209,8 +209,8 @@ def check(arguments: argparse.Namespace) -> int:
         if comm.rank == 0 and cells > _MANY_CELLS:
             print(f"meshing, about {cells:.0e} cells", flush=True)
         facts = assembly.check(parameters, comm)
-    for warning in facts.pop("warnings"):
-        terminal.complain(f"warning: {warning}")
+    for finding in facts.pop("findings"):
+        terminal.complain(f"warning: {finding}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
         table, held, size = (facts.pop(name) for name in ("groups", "held by", "compact dofs"))
@@ -275,7 +275,7 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
         with _explained(study):
             domain = assembly.mesh_of(study.parameters, comm)
             xdmf.export(domain, place)
-        return [f"{domain.origin}: {warning}" for warning in domain.warnings]
+        return [finding.at(domain.origin) for finding in domain.findings]
     geometry = study.parameters.mesh.geometry
     with _explained(study):
         if geometry is None:

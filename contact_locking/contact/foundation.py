@@ -11,8 +11,8 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
+from contact_locking.findings import Finding
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
@@ -121,8 +121,8 @@ class PlacedFoundation:
         """How far (k, d) it has moved since it was at ``before``, in limited values."""
         return np.zeros_like(surface.points)
 
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """Warnings about the present gap (k,) at the nodes."""
+    def findings(self, surface: ContactSurface, gap: FloatArray) -> list[Finding]:
+        """Findings about the present gap (k,) at the nodes; collective."""
         facets = Entities.of(surface.domain, self._dim - 1, surface.facets)
         advice, times = "refine the mesh there", self._clock.some_times
         return features(facets, self._present.value, self._key, advice, "range", times)
@@ -190,7 +190,7 @@ class RigidFoundation(PlacedFoundation):
         # A body is judged once, at its first place, whether its orientation fits that of the
         # deformable body.
         self._is_oriented = False
-        self._shape_warnings = [f"{self._place}: {text}" for text in self._shape.warnings]
+        self._shape_findings = [finding.at(self._place) for finding in self._shape.findings]
 
     @property
     def _body(self) -> Distance:
@@ -250,10 +250,8 @@ class RigidFoundation(PlacedFoundation):
             if self._is_reversed(surface, gap, facing):
                 assert isinstance(self._shape, FacetedFoundation)
                 turn, self._shape = self._shape.turn, self._shape.reversed()
-                self._shape_warnings.append(
-                    f"{self._place}: it is that of a die, whose hole is inside of the outline, but "
-                    f"the body is not in the hole; the other side was taken: {turn}"
-                )
+                turned = Finding("foundation.turned", self._place, turn=turn)
+                self._shape_findings.append(turned)
                 return self.at_nodes(surface)
         turn, inside = self._shape.turn, gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
@@ -336,26 +334,22 @@ class RigidFoundation(PlacedFoundation):
         at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        warnings, comm = [*self._shape_warnings], self._comm
+    def findings(self, surface: ContactSurface, gap: FloatArray) -> list[Finding]:
+        findings, comm = [*self._shape_findings], self._comm
         body = self._body
+
+        def add(kind: str, key: str = self._place, **numbers: Any) -> None:
+            findings.append(Finding(f"foundation.{kind}", key, **numbers))
+
         if not self.moves:
             normals = self._evaluated(body.contact_normal, surface.points.T).T
             facing = np.sum(normals * surface.body_normals(), axis=1)
             if on_every_rank(comm, np.abs(facing) <= _ALONG):
-                warnings.append(
-                    f"{self._place}: the surface of the foundation is at right angles to Gamma_C "
-                    "everywhere, so that it cannot press; turn it, or name a boundary part that "
-                    "faces the foundation"
-                )
+                add("right_angles")
         if isinstance(body, LevelSetAt):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                warnings.append(
-                    f"{self._place}: the length of its gradient is between {low:.3g} and "
-                    f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
-                    "divided by the length, which is the distance near its zeros only"
-                )
+                add("gradient", low=low, high=high)
         if isinstance(self._shape, OwnShape):
             # Where the foundation is far away the body does not get to it.
             near = surface.points[np.abs(gap) <= surface.domain.extent].T
@@ -363,27 +357,18 @@ class RigidFoundation(PlacedFoundation):
             slope = self._evaluated(lambda x: _slope_of_own(body, x, step), at_rest)
             low, high = -maximum(comm, -slope, -np.inf), maximum(comm, slope)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                warnings.append(
-                    f"{self._place}: along contact_normal the gap falls by {low:.3g} to {high:.3g} "
-                    "per length near Gamma_C, and a distance by 1: a body touches too early or too "
-                    "late; give a distance, or LevelSet, which divides by the length of a gradient"
-                )
+                add("distance", low=low, high=high)
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
-            warnings.append(
-                f"{self._place}: a part of Gamma_C lies beyond the end of the open "
-                "foundation, whose rim is nearest there; let the foundation reach beyond the body"
-            )
+            add("end")
         extent = surface.domain.extent
         if isinstance(body, FacetedFoundation):
             ratio = body.extent / extent
             if not 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
-                finding = Finding("foundation.size", self._place, size=body.extent, extent=extent)
-                warnings.append(finding)
+                add("size", size=body.extent, extent=extent)
         distance = -maximum(comm, -gap, -np.inf)
         if distance > extent:
-            finding = Finding("foundation.far", self._key, distance=distance, extent=extent)
-            warnings.append(finding)
-        return warnings
+            add("far", self._key, distance=distance, extent=extent)
+        return findings
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

@@ -17,6 +17,7 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError, explained
 from contact_locking.files.atomic import staging
+from contact_locking.findings import Finding
 from contact_locking.laws.rigid_motion import rotation
 from contact_locking.mesh.cell_kind import (
     HEXAHEDRON,
@@ -363,8 +364,8 @@ ENDINGS = (".inp",)
 Group = tuple[CellKind, str, IntArray]
 
 
-def convert(source: Path, target: Path) -> list[str]:
-    """Write the mesh of the deck ``source`` as a Gmsh file; returns warnings.
+def convert(source: Path, target: Path) -> list[Finding]:
+    """Write the mesh of the deck ``source`` as a Gmsh file; returns findings.
 
     The cells of the highest dimension are the body, by their corners.  A region is named after the
     sets that its cells are in, joined by +; a set of all cells names those that are in no other
@@ -395,16 +396,16 @@ def convert(source: Path, target: Path) -> list[str]:
     names = {name for _, name, _ in regions}
     parts = [(of, f"{name} (nodes)" if name in names else name, x) for of, name, x in parts]
     _write(target, deck.points, cells, [*regions, *parts])
-    warnings = []
+    findings = []
     if any(block.nodes.shape[1] > kind.corners for block in body):
-        warnings.append("its cells of second order are taken by their corners, with straight sides")
+        findings.append(Finding("mesh.second_order"))
     others = deck.left_out + Counter({b.name: len(b.nodes) for b in deck.blocks if b.dim < dim})
     if others:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(others.items()))
-        warnings.append(f"its elements of other kinds are left out: {listed}")
+        findings.append(Finding("mesh.other_elements", elements=listed, count=others.total()))
     if empty:
-        warnings.append(f"these sets have no facet on the boundary: {', '.join(empty)}")
-    return [f"{source}: {text}" for text in warnings]
+        findings.append(Finding("mesh.empty_sets", names=", ".join(empty)))
+    return [finding.at(str(source)) for finding in findings]
 
 
 def _regions(deck: Deck, kind: CellKind, cells: IntArray) -> list[Group]:

@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import keys, longest_edges
 from contact_locking.mesh.data import MeshData, and_more, listed, point_words
 from contact_locking.parallel import agree
@@ -129,12 +130,12 @@ Facing = Sequence[tuple[BoolArray, BoolArray]]
 
 def check_boundary(
     mesh: MeshData, boundary: IntArray, owner: IntArray, parts: IntArray, facing: Facing
-) -> list[str]:
+) -> list[Finding]:
     """Raise InputError where parts touch without shared nodes, or a node hangs on a facet.
 
     ``boundary`` (f, n) are the facets of a single cell, as nodes of ``mesh``, ``owner`` (f,) these
     cells and ``parts`` (f,) the parts of the cells.  Other cells and nodes of the mesh may be
-    missing.  Returns warnings of cracks.
+    missing.  Returns findings of cracks.
     """
     from scipy.spatial import cKDTree
 
@@ -146,9 +147,9 @@ def check_boundary(
     bodies = np.empty(len(mesh.points), dtype=np.int64)
     bodies[boundary] = parts[:, None]
     tree = cKDTree(mesh.points[nodes])
-    warnings = _cracks(mesh, nodes, bodies, tree, float(size.min()), facing)
+    findings = _cracks(mesh, nodes, bodies, tree, float(size.min()), facing)
     _check_hanging(mesh, nodes, tree, boundary, owner, size, facing)
-    return warnings
+    return findings
 
 
 def _may_meet(facing: Facing, first: IntArray, other: IntArray, beside: BoolArray) -> BoolArray:
@@ -165,8 +166,8 @@ def _may_meet(facing: Facing, first: IntArray, other: IntArray, beside: BoolArra
 
 def _cracks(
     mesh: MeshData, nodes: IntArray, bodies: IntArray, tree: cKDTree, size: float, facing: Facing
-) -> list[str]:
-    """A warning of double nodes in one part; raises InputError for those of two parts."""
+) -> list[Finding]:
+    """The finding of double nodes in one part; raises InputError for those of two parts."""
     # The nearest neighbour suffices, and the number of nodes at one place has no bound.
     distance, near = tree.query(tree.data, k=2, distance_upper_bound=_SAME_PLACE * size)
     # Of several nodes at one place, a node need not be the first in the list of its own neighbours.
@@ -191,9 +192,7 @@ def _cracks(
         raise InputError(
             f"two parts of the body touch and share no nodes: {said}; {_FRAGMENT}, or leave a gap"
         )
-    return [
-        f"the body is cut where nodes are double: {said}; unless it is meant to be, {_FRAGMENT}"
-    ]
+    return [Finding("mesh.cut", nodes=said, count=others + 2, advice=_FRAGMENT)]
 
 
 def _check_hanging(

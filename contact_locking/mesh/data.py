@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import KINDS, CellKind
 
 _NOTHING = np.empty((0, 0), dtype=np.int64), np.empty(0, dtype=np.int64)
@@ -48,7 +49,7 @@ class MeshElements:
 class MeshData:
     """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets.
 
-    ``warnings`` are those of the reader.
+    ``findings`` are those of the reader.
     """
 
     dim: int
@@ -56,7 +57,7 @@ class MeshData:
     numbers: IntArray
     cells: MeshElements
     facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
 
     @property
     def kind(self) -> CellKind:
@@ -75,7 +76,8 @@ class MeshData:
 
     def save(self, path: Path) -> None:
         """Write a file that `load` reads, without Python's pickle."""
-        words = json.dumps([self.cells.names, self.facets.names, self.warnings]).encode()
+        records = [finding.record for finding in self.findings]
+        words = json.dumps([self.cells.names, self.facets.names, records]).encode()
         arrays = {
             f"{kind}_{name}": getattr(elements, name)
             for kind, elements in (("cells", self.cells), ("facets", self.facets))
@@ -94,7 +96,7 @@ class MeshData:
     def load(path: Path) -> MeshData:
         """The mesh in a file of `save`."""
         with np.load(path, allow_pickle=False) as file:
-            *names, warnings = json.loads(file["words"].tobytes())
+            *names, records = json.loads(file["words"].tobytes())
             cells, facets = (
                 MeshElements(
                     file[f"{k}_nodes"],
@@ -105,7 +107,7 @@ class MeshData:
                 for k, named in zip(("cells", "facets"), names, strict=True)
             )
             dim, points, numbers = int(file["dim"]), file["points"], file["numbers"]
-            return MeshData(dim, points, numbers, cells, facets, tuple(warnings))
+            return MeshData(dim, points, numbers, cells, facets, tuple(map(Finding.of, records)))
 
     def node_words(self, index: int) -> str:
         """A node by its number, with its coordinates."""

@@ -23,6 +23,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.mesh.array_checks import check_boundary
 from contact_locking.mesh.cell_kind import NAMED, components, longest_edges, signed_measures
 from contact_locking.mesh.data import MeshData, MeshElements, and_more, point_words
@@ -97,25 +98,25 @@ class DistributedCells:
 
     def check(
         self, groups: Mapping[str, IndexArray] | None = None, touching: Touching = ()
-    ) -> list[str]:
-        """Warnings about the mesh; collective.
+    ) -> list[Finding]:
+        """Findings about the mesh; collective.
 
         ``groups`` are local facets by name.  Raises InputError, on all ranks, if the mesh cannot be
         a body.
         """
         # Of a small mesh a rank may have no cells.
         local = agree(self.comm, lambda: check_cells(self.data) if len(self.facets) else [])
-        # Of the cells of all ranks that cause the same warning the first rank names one.
-        warnings: list[str] = next(filter(None, self.comm.allgather(local)), [])
+        # Of the cells of all ranks with the same finding the first rank names one.
+        findings: list[Finding] = next(filter(None, self.comm.allgather(local)), [])
         agree(self.comm, self._check_folds)
-        warnings += self._warnings_about_boundary(groups or {}, touching)
+        findings += self._check_boundary(groups or {}, touching)
         _, count = self.parts
         if count > _MOST_PARTS:
             raise InputError(
                 f"the body falls into {count} parts that share no edges or faces; at most "
                 f"{_MOST_PARTS} are allowed"
             )
-        return warnings
+        return findings
 
     def _check_folds(self) -> None:
         folded = (self.shared[self.facets] == 2) & (self.sides[self.facets] != 0)
@@ -132,9 +133,9 @@ class DistributedCells:
                 f"{and_more(len(np.unique(self.facets[folded])))}; one of them is turned over"
             )
 
-    def _warnings_about_boundary(
+    def _check_boundary(
         self, groups: Mapping[str, IndexArray], touching: Touching
-    ) -> list[str]:
+    ) -> list[Finding]:
         """Check that neighbours share nodes, with the boundary of the body on rank 0; collective.
 
         Raises InputError where parts touch without shared nodes, or a node hangs on a facet.
@@ -157,7 +158,7 @@ class DistributedCells:
         )
         gathered = [self.comm.gather(np.ascontiguousarray(values)) for values in local]
 
-        def judge() -> list[str]:
+        def judge() -> list[Finding]:
             whole = [np.concatenate(values) for values in gathered if values is not None]
             order = np.lexsort((whole[1], whole[0]))
             owners, _, numbers, points, parts, marks = (values[order] for values in whole)
@@ -194,8 +195,8 @@ class DistributedCells:
         return signs
 
 
-def check_cells(mesh: MeshData) -> list[str]:
-    """Warnings of thin cells.  Raises InputError for a cell that has collapsed or is folded."""
+def check_cells(mesh: MeshData) -> list[Finding]:
+    """The finding of thin cells.  Raises InputError for a cell that has collapsed or is folded."""
     cells, kind = mesh.cells.nodes, mesh.kind
     length = longest_edges(mesh.points, cells)
     # A collapsed cell may have a volume from the rounding of its coordinates.
@@ -220,10 +221,9 @@ def check_cells(mesh: MeshData) -> list[str]:
     thin = share < _NEARLY_COLLAPSED
     if not thin.any():
         return []
-    return [
-        f"{mesh.cell_words(int(np.argmax(thin)))} has nearly collapsed"
-        f"{and_more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
-    ]
+    cell, count = mesh.cell_words(int(np.argmax(thin))), int(thin.sum())
+    more = and_more(count)
+    return [Finding("mesh.thin_cells", cell=cell, count=count, more=more, kind=kind.name)]
 
 
 def connected_parts(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
@@ -293,14 +293,14 @@ def box(comm: MPI.Intracomm, points: FloatArray) -> FloatArray:
 
 def on_boundary(
     groups: Sequence[EntityGroup], cells: DistributedCells
-) -> tuple[list[EntityGroup], dict[str, str], list[str]]:
-    """The groups with their facets on the boundary, and warnings; collective.
+) -> tuple[list[EntityGroup], dict[str, str], list[Finding]]:
+    """The groups with their facets on the boundary, and findings; collective.
 
     For the name of every other group there is the reason why it bounds nothing.
     """
     kept: list[EntityGroup] = []
     unusable: dict[str, str] = {}
-    warnings: list[str] = []
+    findings: list[Finding] = []
     comm, kind = cells.comm, cells.data.kind
     what, lines = "edge" if kind.dim == 2 else "face", f"{kind.facet_word}s"
     for group in groups:
@@ -317,7 +317,9 @@ def on_boundary(
                 f"{what}s of the body's {kind.plural}{example}; remove what dangles, or make it "
                 "part of the body's mesh (fragment)"
             )
-            warnings.append(f"group {unusable[name]}")
+            numbers = {"missing": group.missing, "total": total}
+            off = Finding("mesh.group_off_body", reason=unusable[name], group=name, **numbers)
+            findings.append(off)
         elif inside == total:
             unusable[name] = (
                 f"{name!r} lies inside the body and is not a part of its boundary: its {lines} "
@@ -327,13 +329,11 @@ def on_boundary(
             if inside:
                 dangling = group.entities[inner & owned]
                 example = next(filter(None, comm.allgather(cells.first_facet(dangling))))
-                warnings.append(
-                    f"group {name!r} is boundary in part only: {inside} of its {total} {lines} "
-                    f"have cells on both sides and are left out, such as the {what} {example}"
-                )
+                words = {"group": name, "facets": lines, "example": f"{what} {example}"}
+                findings.append(Finding("mesh.group_inside", inside=inside, total=total, **words))
             kept.append(EntityGroup(name, group.entities[~inner]))
     require_different([group.name for group in kept], f"{what}s")
-    return kept, unusable, warnings
+    return kept, unusable, findings
 
 
 def require_different(names: Sequence[str], kind: str) -> None:

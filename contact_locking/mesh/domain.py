@@ -22,6 +22,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.cell_kind import NAMED, CellKind, mean_normals
 from contact_locking.mesh.data import MeshData, and_more
@@ -89,7 +90,7 @@ class Domain:
     facet_names: dict[str, tuple[int, ...]]
     part_names: tuple[str, ...] = ("the body",)
     unusable: dict[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     origin: str = field(default="the mesh")
     is_refined: bool = False
     smoothing_radii: dict[str, float] = field(default_factory=dict)
@@ -283,7 +284,7 @@ def diagnosed(
     groups: Sequence[EntityGroup],
     origin: str,
     touching: Touching = (),
-    warnings: Sequence[str] = (),
+    findings: Sequence[Finding] = (),
 ) -> Domain:
     """The domain of a mesh of the user; collective.
 
@@ -303,8 +304,8 @@ def diagnosed(
     about_cells = cells.check({group.name: group.entities for group in groups}, touching)
     kept, unusable, about_groups = on_boundary(groups, cells)
     facets = {group.name: marked_facets(mesh, group.entities) for group in kept}
-    said = (*warnings, *about_cells, *about_groups)
-    return assembled(mesh, regions, facets, origin, cells.parts, unusable=unusable, warnings=said)
+    every = (*findings, *about_cells, *about_groups)
+    return assembled(mesh, regions, facets, origin, cells.parts, unusable=unusable, findings=every)
 
 
 def sound(data: MeshData, comm: MPI.Intracomm, origin: str, bodies: int = 1) -> Domain:

@@ -18,6 +18,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import with_key
+from contact_locking.findings import Finding
 from contact_locking.mesh.array_checks import check_arrays
 from contact_locking.mesh.data import MeshData, MeshElements
 from contact_locking.mesh.diagnosis import DistributedCells, Touching, check_cells
@@ -65,12 +66,12 @@ def from_arrays(
         check_arrays(comm, data)
         made = distribute(comm, data)
         cells = DistributedCells(made.mesh, made.numbers)
-        groups, warnings = made.groups, data.warnings
-        return diagnosed(made.mesh, cells, made.regions, groups, origin, touching, warnings)
+        groups, findings = made.groups, data.findings
+        return diagnosed(made.mesh, cells, made.regions, groups, origin, touching, findings)
 
 
 # What the mesh of a body knows beside its cells, as fields of `Domain`.
-_FACTS = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
+_FACTS = ("part_names", "unusable", "findings", "origin", "smoothing_radii")
 
 
 @dataclass(frozen=True)
@@ -88,16 +89,18 @@ class WholeMesh:
     def save(self, folder: Path, stem: str) -> None:
         """Write ``STEM.npz`` and ``STEM.json``."""
         self.data.save(folder / f"{stem}.npz")
-        text = json.dumps({"parts": self.parts.tolist(), "facts": self.facts})
+        facts = {**self.facts, "findings": [x.record for x in self.facts["findings"]]}
+        text = json.dumps({"parts": self.parts.tolist(), "facts": facts})
         (folder / f"{stem}.json").write_text(f"{text}\n", encoding="utf-8")
 
     @classmethod
     def load(cls, folder: Path, stem: str) -> WholeMesh:
         """The mesh in the files of `save`."""
         words = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
-        lists = {name: tuple(words["facts"][name]) for name in ("part_names", "warnings")}
-        parts = np.array(words["parts"], dtype=np.int64)
-        return cls(MeshData.load(folder / f"{stem}.npz"), parts, words["facts"] | lists)
+        facts, parts = words["facts"], np.array(words["parts"], dtype=np.int64)
+        facts["part_names"] = tuple(facts["part_names"])
+        facts["findings"] = tuple(map(Finding.of, facts["findings"]))
+        return cls(MeshData.load(folder / f"{stem}.npz"), parts, facts)
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:

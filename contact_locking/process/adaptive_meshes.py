@@ -26,6 +26,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import InputError, NotRefined
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import longest_edges, signed_measures
 from contact_locking.mesh.data import MeshData, point_words
 from contact_locking.mesh.domain import Domain
@@ -89,9 +90,9 @@ def adapted(
             stopped = str(reason)
         monitor.mesh(len(meshes), words)
         if stopped and not is_reached:
-            text = f"the meshes were not refined until adapt.tolerance was reached: {stopped}"
-            solution = solution.warned(text)
-            monitor.message(f"warning: {text}")
+            finding = Finding("adapt.stopped", reason=stopped)
+            solution = solution.warned(finding)
+            monitor.message(f"warning: {finding}")
         about = {
             "tolerance": adaptation.tolerance,
             "reached": is_reached,

@@ -29,6 +29,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.compiled import Kept
 from contact_locking.files import atomic
 from contact_locking.files.readable import file_digest
+from contact_locking.findings import Finding
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.sources import WholeMesh, gather_cells, gather_mesh, spread
@@ -50,7 +51,7 @@ from contact_locking.solver.task import (
 )
 
 # A change of the written files raises this number.
-FORMAT = 8
+FORMAT = 9
 _STATE, _MESH = "state.npz", "mesh"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 # The coordinates of the same mesh may differ by this share of the extent, because another machine
@@ -89,7 +90,7 @@ class Checkpoint:
     converged: bool
     time: float
     history: Table
-    halved: tuple[str, ...]
+    halved: tuple[Finding, ...]
     memories: tuple[tuple[FloatArray, FloatArray], ...]
     old_displacement: FloatArray | None
 
@@ -184,7 +185,7 @@ def gathered(solution: Solution) -> Callable[[Path], None]:
         "travels": solution.state.saved.travels,
         "time": solution.time,
         "history": solution.history.columns,
-        "halved": solution.halved,
+        "halved": [finding.record for finding in solution.halved],
     }
 
     def write(folder: Path) -> None:
@@ -330,7 +331,7 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
         about["converged"],
         about["time"],
         history,
-        tuple(about["halved"]),
+        tuple(map(Finding.of, about["halved"])),
         tuple(memories),
         old_displacement,
     )

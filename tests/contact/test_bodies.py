@@ -165,9 +165,10 @@ def test_a_side_that_is_much_coarser_is_warned_of() -> None:
     solution = solved(
         stack(2, 0.25, mesh__h_upper=0.05, contact=contact, friction__coefficient=0.3)
     )
-    (warning,) = solution.summary["warnings"]
-    assert "facets of lower_top are 5 times as long as those of upper_bottom" in warning
-    assert "{on: upper_bottom, against: lower_top}" in warning
+    (finding,) = solution.warnings
+    sides = {"on": "lower_top", "against": "upper_bottom"}
+    assert finding.code == "contact.coarser"
+    assert finding.numbers == sides | {"ratio": pytest.approx(5.0, rel=0.05)}
 
 
 def test_meshes_of_both_bodies_are_refined_where_they_touch() -> None:

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 from contact_locking import InputError, _compat
 from contact_locking.command import cli
+from contact_locking.findings import Finding
 from contact_locking.mesh.abaqus import convert
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.parts import groups
@@ -54,15 +55,15 @@ TETRAHEDRON = """*NODE
 """
 
 
-def converted(folder: Path, deck: str) -> tuple[Domain, list[str]]:
+def converted(folder: Path, deck: str) -> tuple[Domain, list[Finding]]:
     source, target = folder / "part.inp", folder / "part.msh"
     source.write_text(deck, encoding="utf-8")
-    warnings = convert(source, target)
-    return from_file(target, MPI.COMM_SELF), warnings
+    findings = convert(source, target)
+    return from_file(target, MPI.COMM_SELF), findings
 
 
 def test_sets_of_cells_are_regions_and_sets_of_nodes_are_boundary_parts(tmp_path: Path) -> None:
-    domain, (warning,) = converted(tmp_path, PLATE)
+    domain, (finding,) = converted(tmp_path, PLATE)
     assert {name: len(domain.cells(name)) for name in domain.cell_names} == {
         "PLATE": 2,
         "INSERT": 2,
@@ -71,7 +72,7 @@ def test_sets_of_cells_are_regions_and_sets_of_nodes_are_boundary_parts(tmp_path
         "SOLE": 2,
         "SKIN": 6,
     }
-    assert warning.endswith("these sets have no facet on the boundary: MIDDLE")
+    assert (finding.code, finding.numbers) == ("mesh.empty_sets", {"names": "MIDDLE"})
 
 
 @pytest.mark.parametrize(
@@ -116,8 +117,8 @@ def test_quadrilaterals_of_every_name_are_read_with_their_surfaces(
     cell = "1, 1,2,3,4,\n5,6,7,8" if second else "1, 1,2,3,4"
     deck = f"*NODE\n{SQUARE_NODES}{MIDDLES}*ELEMENT, TYPE={kind}, ELSET=BODY\n{cell}\n"
     deck += "*SURFACE, NAME=SOLE, TYPE=ELEMENT\n1, S1\n*SURFACE, NAME=ROUND\nBODY\n"
-    domain, warnings = converted(tmp_path, deck)
-    assert sizes(domain) == {"SOLE": 1, "ROUND": 4} and len(warnings) == second
+    domain, findings = converted(tmp_path, deck)
+    assert sizes(domain) == {"SOLE": 1, "ROUND": 4} and len(findings) == second
 
 
 @pytest.mark.parametrize("side", [1, 3, 6])
@@ -138,9 +139,9 @@ def test_elements_of_second_order_are_taken_by_their_corners_with_one_warning(
     nodes = "".join(f"{number}, .5, .5, .5\n" for number in range(9, 21))
     cell = "1, 1,2,3,4,5,6,7,8, 9,10,11,12,13,14,15,\n16,17,18,19,20"
     deck = f"*Node\n{CUBE_NODES}{nodes}*Element, type=C3D20R, elset=Body\n{cell}\n"
-    domain, (warning,) = converted(tmp_path, f"{deck}*Nset, nset=Sole\n1,2,3,4,9,10,11,12\n")
+    domain, (finding,) = converted(tmp_path, f"{deck}*Nset, nset=Sole\n1,2,3,4,9,10,11,12\n")
     assert domain.num_cells == 1 and sizes(domain) == {"Sole": 1}
-    assert "of second order" in warning and list(domain.cell_names) == ["Body"]
+    assert finding.code == "mesh.second_order" and list(domain.cell_names) == ["Body"]
 
 
 def test_elements_of_other_kinds_are_left_out_and_counted(tmp_path: Path) -> None:
@@ -149,8 +150,9 @@ def test_elements_of_other_kinds_are_left_out_and_counted(tmp_path: Path) -> Non
         "*ELEMENT, TYPE=S4, ELSET=SKIN\n5, 1,2,3,4\n*ELEMENT, TYPE=DCOUP3D\n6, 1\n"
         "*ELSET, ELSET=ALL\nBODY, SP, M\n"
     )
-    domain, (warning,) = converted(tmp_path, deck)
-    assert warning.endswith("left out: 1 DCOUP3D, 1 MASS, 1 S4, 2 SPRINGA")
+    domain, (finding,) = converted(tmp_path, deck)
+    assert (finding.code, finding.numbers["count"]) == ("mesh.other_elements", 5)
+    assert finding.numbers["elements"] == "1 DCOUP3D, 1 MASS, 1 S4, 2 SPRINGA"
     assert domain.num_cells == 1 and sizes(domain) == {"SKIN": 1}
 
 
@@ -161,10 +163,11 @@ def test_sets_are_generated_with_and_without_their_step_and_name_other_sets(tmp_
         "*ELSET, ELSET=E, GENERATE\n1, 1\n*NSET, NSET=OF_E, ELSET=E\n"
         "*SURFACE, NAME=NODES, TYPE=NODE\nSOLE,\n"
     )
-    domain, (warning,) = converted(tmp_path, deck)
+    domain, (finding,) = converted(tmp_path, deck)
     # BOTH has the nodes 1 to 7.
     expected = {"SOLE": 1, "FRONT": 1, "BOTH": 3, "OF_E": 6, "NODES": 1}
-    assert sizes(domain) == expected and warning.endswith("no facet on the boundary: ODD")
+    assert sizes(domain) == expected
+    assert (finding.code, finding.numbers) == ("mesh.empty_sets", {"names": "ODD"})
 
 
 def test_parts_stand_where_their_instances_do_and_assemblies_name_their_sets(
@@ -179,8 +182,8 @@ def test_parts_stand_where_their_instances_do_and_assemblies_name_their_sets(
         "*Elset, elset=_Wall_S4, internal, instance=One\n1,\n"
         "*Surface, type=ELEMENT, name=Wall\n_Wall_S4, S4\n*End Assembly\n"
     )
-    domain, warnings = converted(tmp_path, deck)
-    assert not warnings and domain.num_cells == 2
+    domain, findings = converted(tmp_path, deck)
+    assert not findings and domain.num_cells == 2
     assert sizes(domain) == {"ONE.SOLE": 1, "TWO.SOLE": 1, "Top": 1, "Wall": 1}
     assert set(domain.cell_names) == {"ONE.BODY", "TWO.BODY"}
     low, high = domain.bounding_box

@@ -347,7 +347,7 @@ def test_a_process_that_goes_on_with_other_data_balances_the_steps_after_the_fir
     defects = second.history.column("energy_defect")
     assert np.flatnonzero(np.isnan(defects)).tolist() == ([3] if changes else [])
     assert defects[4] <= 1e-6 and np.isfinite(second.history.column("work_total")).all()
-    codes = [getattr(warning, "code", "") for warning in first.warnings]
+    codes = [warning.code for warning in first.warnings]
     assert codes.count("steps.restart") == bool(changes)
     assert ("energy_balance" in first.certificate.criteria) == (not changes)
 
