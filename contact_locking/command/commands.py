@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import gc
 import json
 import time
 from collections.abc import Iterator, Sequence
@@ -69,11 +68,10 @@ def new(arguments: argparse.Namespace) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
-    with _importing() if arguments.program else contextlib.nullcontext():
-        study = _load(arguments.file, _overrides(arguments))
-        comm = world_with_dolfinx(arguments)
-        from contact_locking.results import in_words
-        from contact_locking.running.run import run as solve_and_write
+    study = _load(arguments.file, _overrides(arguments))
+    comm = world_with_dolfinx(arguments)
+    from contact_locking.results import in_words
+    from contact_locking.running.run import run as solve_and_write
 
     parameters, directory = study.parameters, study.parameters.output.directory
     #: The remains of an interrupted run, in words.
@@ -104,14 +102,13 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking.running.executor import Plan
-    from contact_locking.running.runner import Study, finish, summary_rows
+    from contact_locking.running.runner import Plan, Study, finish
 
     plan = Plan(arguments.jobs, arguments.ranks)
     with _explained(file):
         done = Study.of(file)
-        finish(done, file.parameters, plan, terminal.console())
-    print(terminal.columns(summary_rows(done, time.perf_counter() - began)))
+        finish(done, file.parameters, plan, terminal.say)
+    print(terminal.columns(done.rows(time.perf_counter() - began)))
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
@@ -143,7 +140,7 @@ def fit(arguments: argparse.Namespace) -> int:
 
 def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     """The best of several searches that a fit asks for, None for one search."""
-    from contact_locking.running.executor import Plan
+    from contact_locking.running.runner import Plan
 
     plan = Plan(arguments.jobs, arguments.ranks)
     section = file.parameters.fit
@@ -156,7 +153,7 @@ def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
     from contact_locking.inverse.fit import starts
 
     with _explained(file):
-        return starts.search(file.parameters, plan, terminal.console())
+        return starts.search(file.parameters, plan, terminal.say)
 
 
 def serve(arguments: argparse.Namespace) -> int:
@@ -309,17 +306,6 @@ def schema(arguments: argparse.Namespace) -> int:
 COMMANDS = {one.__name__: one for one in (new, run, study, fit, serve, report, check, mesh, schema)}
 
 
-@contextlib.contextmanager
-def _importing() -> Iterator[None]:
-    """Import modules without collections of garbage, now and later: their objects stay."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
-
-
 def _overrides(arguments: argparse.Namespace) -> list[str]:
     if arguments.output is None:
         return list(arguments.set)
@@ -354,12 +340,11 @@ def _solving(
     from contact_locking.results import folder as output_folder
 
     speaks = comm.rank == 0 and not arguments.quiet
-    shown: contextlib.AbstractContextManager[Monitor] = (
-        TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
-    )
+    monitor = TerminalMonitor() if speaks else Monitor()
     reserved = output_folder.reserved(study.parameters.output.directory, comm)
-    with _explained(study), reserved, shown as monitor, petsc_complaints():
+    with _explained(study), reserved, petsc_complaints():
         yield monitor, speaks
+        monitor.finish()
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:

@@ -24,7 +24,7 @@ from typing import Any, Protocol, TypeVar
 
 from dolfinx import fem
 
-from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
+from contact_locking.certificate.balances import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded

@@ -19,7 +19,7 @@ from sheared_block import all_of, sheared
 from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve, solve_steps, study_file
-from contact_locking.certificate import energy
+from contact_locking.certificate import balances as energy
 from contact_locking.monitor import Monitor
 from contact_locking.results.table import Table
 from contact_locking.running.run import run

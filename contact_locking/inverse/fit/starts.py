@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,17 +19,12 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.inverse.numbers import number_at, with_values
 from contact_locking.running.cases import Case, case_folder
-from contact_locking.running.executor import Plan
-from contact_locking.running.runner import Study, finish
+from contact_locking.running.runner import Plan, Say, Study, finish
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.wording import labels
 
 from .curves import read_experiments
 from .estimate import Variable
-
-if TYPE_CHECKING:
-    from rich.console import Console
-
 
 FOLDER = "starts"
 # Misfits that differ by this share are the same: the first of their searches is the best.
@@ -95,7 +90,7 @@ def _range_of(variable: Variable) -> tuple[float, float]:
     return low, largest if np.isfinite(largest) else start + reach
 
 
-def search(parameters: Parameters, plan: Plan, console: Console) -> Begun:
+def search(parameters: Parameters, plan: Plan, say: Say) -> Begun:
     """Search from all starts, of which those that are done are found again.
 
     Raises InputError for data or keys that cannot be used, and NotConverged if no search comes to
@@ -115,7 +110,7 @@ def search(parameters: Parameters, plan: Plan, console: Console) -> Begun:
         for start, label in zip(starts, labels(starts), strict=True)
     ]
     study = Study(folder, cases)
-    finish(study, parameters, plan, console)
+    finish(study, parameters, plan, say)
     found = [study.outcomes[case.name] for case in cases]
     ends = [
         (not one.summary["converged"], one.summary["misfit"]) if one.summary else None
