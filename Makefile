@@ -59,9 +59,9 @@ FAMILIES =
 JOBS = 2
 LINEAR = auto
 N =
-sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto N=): results/sweep
+sweep: ## solve and judge random problems of many families (SEEDS=20 FIRST=0 FAMILIES= JOBS=2 LINEAR=auto N= DERIVATIVES=): results/sweep
 	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.run --seeds $(SEEDS) --first $(FIRST) --jobs $(JOBS) \
-		--linear $(LINEAR) $(if $(N),--n $(N)) --families $(FAMILIES)
+		--linear $(LINEAR) $(if $(N),--n $(N)) $(if $(DERIVATIVES),--derivatives --limit 300) --families $(FAMILIES)
 
 ONLY =
 GOLDEN = ./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m golden.run --jobs $(JOBS) --only $(ONLY)
@@ -72,10 +72,10 @@ golden-write: ## write these numbers anew, after a change that is meant to chang
 
 PROBLEMS = 300
 punches: ## compare random bodies with edges on a block with nodes against segments (PROBLEMS=300 FIRST=0 JOBS=2): ten minutes
-	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.by_segments --count $(PROBLEMS) --first $(FIRST) --jobs $(JOBS)
+	$(MAKE) sweep FAMILIES=punches SEEDS=$(PROBLEMS)
 
-derivatives: ## compare derivatives of random problems with differences of solves (PROBLEMS=300 FIRST=0): half an hour
-	./in-env env PYTHONPATH=tests:tests/support OMP_NUM_THREADS=1 python3 -m sweep.derivatives $(PROBLEMS) --first $(FIRST)
+derivatives: ## compare derivatives of random problems with differences of solves (FIRST=0 JOBS=2): half an hour
+	$(MAKE) sweep DERIVATIVES=1 SEEDS=5
 
 verification: ## solve the problems with known answers and write docs/verification.md
 	./in-env python3 -m pytest -m "" tests/verification \

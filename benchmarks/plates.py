@@ -22,7 +22,7 @@ from dolfinx import mesh as dmesh
 from mpi4py import MPI
 
 import contact_locking as cl
-from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.parts import NamedFacets
 from contact_locking.solver.linear.factorised import chosen
 
 LENGTH, GAP = 200.0, 0.2

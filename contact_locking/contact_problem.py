@@ -22,7 +22,7 @@ from contact_locking.laws.material import Elasticity
 from contact_locking.laws.penalty import PenaltyParameters
 from contact_locking.mesh.cell_kind import NAMED
 from contact_locking.mesh.domain import Domain, half_section
-from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.parts import NamedFacets
 from contact_locking.parallel import on_any_rank
 from contact_locking.penalty_method.scope import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem

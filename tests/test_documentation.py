@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 from contact_locking import from_mapping, solve, solve_steps
 from contact_locking.command import cli
-from contact_locking.mesh.xdmf import from_xdmf
+from contact_locking.mesh.sources import from_file
 from contact_locking.results.solution import summary_text
 from contact_locking.study_file.reading import read
 from contact_locking.study_file.schema import rows
@@ -171,13 +171,13 @@ def test_the_guide_to_meshes_makes_a_mesh_that_is_solved(
     summary = json.loads(Path("results/beam/summary.json").read_text())
     assert 0.0 < summary["contact_area"] < 2.0
     assert cli.main(["mesh", "beam.yml", "-o", "beam.xdmf"]) == 0
-    beam = from_xdmf(Path("beam.xdmf"), MPI.COMM_SELF)
+    beam = from_file(Path("beam.xdmf"), MPI.COMM_SELF)
     assert set(beam.cell_names) == {"body", "insert"} and "clamp" in beam.facet_names
     names: dict[str, Any] = {}
     exec(writer, names)
     beam.cell_tags.name, beam.facet_tags.name = "cells", "facets"
     names["write"]("own.xdmf", beam.mesh, [beam.cell_tags, beam.facet_tags])
-    own = from_xdmf(Path("own.xdmf"), MPI.COMM_SELF)
+    own = from_file(Path("own.xdmf"), MPI.COMM_SELF)
     assert sorted(own.cell_names) == ["1", "2"] and sorted(own.facet_names) == ["1", "2", "3"]
 
 

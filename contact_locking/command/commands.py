@@ -237,7 +237,7 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def mesh(arguments: argparse.Namespace) -> int:
-    """Write the mesh of a study file or of another program as a file that is read."""
+    """Write the mesh of a study file as a file that is read."""
     for warning in _written_mesh(arguments, arguments.output):
         terminal.complain(f"warning: {warning}")
     if terminal.is_root():
@@ -247,7 +247,6 @@ def mesh(arguments: argparse.Namespace) -> int:
 
 def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
     """Write the mesh to ``place``, and return the warnings about it."""
-    from contact_locking.mesh import abaqus
     from contact_locking.mesh.data import data_file, is_xdmf
 
     def require_new() -> None:
@@ -255,11 +254,8 @@ def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
             if path.exists() or path.is_symlink():
                 raise InputError(f"{path}: there is a file already; -o FILE names another one")
 
-    if arguments.file.suffix.lower() in abaqus.ENDINGS:
-        if not terminal.is_root():
-            return ()
-        require_new()
-        return abaqus.convert(arguments.file, place)
+    if arguments.file.suffix.lower() == ".inp":
+        raise InputError(f"a study reads a deck as it is: mesh.file: {arguments.file}")
     study = _load(arguments.file, arguments.set)
     if is_xdmf(place):
         comm = world_with_dolfinx(arguments)

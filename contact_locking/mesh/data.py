@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
+from contact_locking.errors import InputError
 from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import KINDS, CellKind
 
@@ -27,7 +30,7 @@ class MeshElements:
     nodes: IntArray
     numbers: IntArray
     groups: IntArray
-    names: dict[str, tuple[int, ...]]
+    names: Mapping[str, tuple[int, ...]]
 
     @staticmethod
     def unnamed(nodes: IntArray, numbers: IntArray) -> MeshElements:
@@ -49,7 +52,7 @@ class MeshElements:
 class MeshData:
     """Points (m, dim), the numbers (m,) of the nodes in the file, cells and facets.
 
-    ``findings`` are those of the reader.
+    ``unusable`` gives, for the name of every other group of facets, why the group bounds nothing.
     """
 
     dim: int
@@ -58,6 +61,7 @@ class MeshData:
     cells: MeshElements
     facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
     findings: tuple[Finding, ...] = ()
+    unusable: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> CellKind:
@@ -129,12 +133,48 @@ class MeshData:
         return f"{self.kind.facet_word} {number} at {point_words(centre)}"
 
 
+@contextmanager
+def about(origin: str) -> Iterator[None]:
+    """Put the origin of a mesh before the message of an InputError."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{origin}: {error}", error.key) from None
+
+
 #: The advice for a mesh of several kinds of cells.
 ONE_KIND = (
     "a body needs cells of one kind: in Gmsh leave out Recombine and mesh again for simplices, or "
     "recombine every surface and volume (Mesh.RecombineAll with Mesh.SubdivisionAlgorithm = 1 for "
     "quadrilaterals, 2 for hexahedra)"
 )
+
+
+# A plane is flat up to this share of the largest coordinate.
+_FLAT = 1e-12
+
+
+def flat_points(points: FloatArray, numbers: IntArray, dim: int) -> FloatArray:
+    """The coordinates (m, dim) of points.  Raises InputError for those of a surface in space."""
+    if dim == 2 and points.shape[1] == 3:
+        height = points[0, 2]
+        off = np.abs(points[:, 2] - height) > _FLAT * np.abs(points).max()
+        if off.any():
+            first = int(np.argmax(off))
+            raise InputError(
+                f"it is a surface in space; a 2D body lies in a plane z = constant, and node "
+                f"{numbers[0]} has z = {height:g}, node {numbers[first]} z = {points[first, 2]:g}"
+            )
+    return np.ascontiguousarray(points[:, :dim])
+
+
+def named_elements(kind: CellKind, groups: Mapping[str, IntArray]) -> MeshElements:
+    """The elements (k, c) of each group, one group after another, numbered from 0."""
+    rows = [np.empty((0, kind.corners), dtype=np.int64), *groups.values()]
+    nodes = np.concatenate(rows)
+    tags = np.repeat(np.arange(len(rows)), [len(group) for group in rows])
+    names = {name: (tag,) for tag, name in enumerate(groups, start=1)}
+    return MeshElements(nodes, np.arange(len(nodes)), tags, names)
 
 
 def point_words(point: FloatArray) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import basix.ufl
@@ -16,9 +15,8 @@ from dolfinx import mesh as dmesh
 from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
-from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.cell_kind import CellKind, components
 from contact_locking.mesh.data import MeshData
 from contact_locking.parallel import on_root
 
@@ -55,33 +53,12 @@ class Regions(NamedTuple):
     names: dict[str, int]
 
 
-class FileNumbers(NamedTuple):
-    """The numbers in the file of the local nodes, 0 for middles of edges, and of local cells."""
-
-    nodes: IntArray
-    cells: IntArray
-
-
-@dataclass(frozen=True)
-class EntityGroup:
-    """The local ``entities`` (k,), cells or facets, of a group in a file.
-
-    ``missing`` more entities of the group, one of them the ``example``, are no facets of the mesh.
-    """
-
-    name: str
-    entities: IndexArray
-    missing: int = 0
-    example: str = ""
-
-
 class Distributed(NamedTuple):
-    """A mesh with its regions and groups of facets, and the numbers in a file."""
+    """A mesh with its regions, and marks of local facets by the names of its groups."""
 
     mesh: dmesh.Mesh
     regions: Regions
-    groups: list[EntityGroup]
-    numbers: FileNumbers
+    facets: dict[str, BoolArray]
 
 
 def on_first_rank(comm: MPI.Intracomm, make: Callable[[], MeshData]) -> MeshData:
@@ -111,15 +88,9 @@ def distribute(comm: MPI.Intracomm, data: MeshData) -> Distributed:
     mesh = mesh_of(comm, data.points[used], corners, kind)
     mesh.topology.create_connectivity(dim - 1, dim)
     mesh.topology.create_connectivity(dim, dim - 1)
-    nodes = np.arange(np.count_nonzero(used))
-    of_nodes = _of_entities(mesh, 0, nodes[:, None], data.numbers[used])
-    vertices = np.arange(len(of_nodes), dtype=np.int32)
-    number: IntArray = np.zeros(len(mesh.geometry.x), dtype=np.int64)
-    number[_compat.entities_to_geometry(mesh, 0, vertices).reshape(-1)] = of_nodes
-    numbers = FileNumbers(number, of_cells(mesh, corners, data.cells.numbers))
     names = {name: tag for name, (tag,) in data.cells.names.items()}
     regions = Regions(of_cells(mesh, corners, data.cells.groups).astype(np.int32), names)
-    return Distributed(mesh, regions, _facet_groups(mesh, data, row), numbers)
+    return Distributed(mesh, regions, _named_facets(mesh, data, row))
 
 
 def of_cells(mesh: dmesh.Mesh, corners: IntArray, values: IntArray) -> IntArray:
@@ -127,12 +98,8 @@ def of_cells(mesh: dmesh.Mesh, corners: IntArray, values: IntArray) -> IntArray:
 
     ``corners`` (m, c) are the cells of this rank, as numbers of the points of `mesh_of`.
     """
-    return _of_entities(mesh, mesh.topology.dim, corners, values)
-
-
-def _of_entities(mesh: dmesh.Mesh, dim: int, nodes: IntArray, values: IntArray) -> IntArray:
     # Floating-point numbers hold whole ones up to 2^53, which int32 may not.
-    tags = _tags(mesh, dim, nodes, values.astype(float))
+    tags = _tags(mesh, mesh.topology.dim, corners, values.astype(float))
     return tags.values[np.argsort(tags.indices)].astype(np.int64)
 
 
@@ -173,23 +140,46 @@ def _one_partitioning_thread() -> Iterator[None]:
         del os.environ[_SCOTCH_THREADS]
 
 
-def _facet_groups(mesh: dmesh.Mesh, data: MeshData, row: IntArray) -> list[EntityGroup]:
-    """The named groups of facets; nodes without a cell have the ``row`` -1; collective."""
-    comm, facets = mesh.comm, data.facets
-    every, first, number = np.unique(
-        np.sort(row[facets.nodes], axis=1), axis=0, return_index=True, return_inverse=True
-    )
-    of_cells = np.flatnonzero((every >= 0).all(axis=1)).astype(np.int32)
-    tags = _tags(mesh, data.dim - 1, every[of_cells], of_cells)
-    known = np.unique(np.concatenate(comm.allgather(tags.values)))
-    groups = []
+def _named_facets(mesh: dmesh.Mesh, data: MeshData, row: IntArray) -> dict[str, BoolArray]:
+    """The marks of the facets of each name; ``row`` are the numbers of points; collective."""
+    facets = data.facets
+    every, number = np.unique(np.sort(row[facets.nodes], axis=1), axis=0, return_inverse=True)
+    tags = _tags(mesh, data.dim - 1, every, np.arange(len(every), dtype=np.int32))
+    named = {}
     for name in facets.names:
-        rows: IndexArray = comm.bcast(np.unique(number.reshape(-1)[facets.named(name)]))
-        off = np.setdiff1d(rows, known)
-        example = ""
-        if len(off):
-            example = comm.bcast(data.facet_words(first[off[0]]) if comm.rank == 0 else "")
-        groups.append(
-            EntityGroup(name, tags.indices[np.isin(tags.values, rows)], len(off), example)
-        )
-    return groups
+        rows = mesh.comm.bcast(np.unique(number.reshape(-1)[facets.named(name)]))
+        named[name] = marked_facets(mesh, tags.indices[np.isin(tags.values, rows)])
+    return named
+
+
+def connected_parts(mesh: dmesh.Mesh) -> tuple[IndexArray, int]:
+    """The connected part (k,) of each local cell, and how many parts there are; collective.
+
+    Cells of one part are joined by facets.  The parts are numbered by the cells that come first in
+    the mesh that was given.
+    """
+    topology, comm, dim = mesh.topology, mesh.comm, mesh.topology.dim
+    cells, facets = topology.index_map(dim), topology.index_map(dim - 1)
+    joint = topology.connectivity(dim - 1, dim)
+    counts = np.diff(joint.offsets)
+    pairs = joint.array[np.repeat(counts == 2, counts)].reshape(-1, 2)
+    local_count, local = components(pairs, cells.size_local + cells.num_ghosts)
+    every = comm.allgather(local_count)
+    local = local + sum(every[: comm.rank])
+
+    def part_of(some: IntArray) -> IntArray:
+        return local[joint.array[joint.offsets[some]]]
+
+    # A facet that two ranks have joins their parts: one of them knows it as a ghost.
+    ghosts = np.arange(facets.size_local, facets.size_local + facets.num_ghosts)
+    theirs = np.column_stack([facets.ghosts, part_of(ghosts)])
+    shared = np.concatenate(comm.allgather(theirs))
+    rows = shared[:, 0] - facets.local_range[0]
+    is_own = (rows >= 0) & (rows < facets.size_local)
+    edges = np.column_stack([part_of(rows[is_own]), shared[is_own, 1]])
+    count, whole = components(np.concatenate(comm.allgather(edges)), sum(every))
+    numbers = whole[local]
+    first = np.full(count, np.iinfo(np.int64).max)
+    np.minimum.at(first, numbers, np.asarray(topology.original_cell_index, dtype=np.int64))
+    first = np.min(comm.allgather(first), axis=0)
+    return np.argsort(np.argsort(first))[numbers].astype(np.int32), count

@@ -7,8 +7,7 @@ overlap.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -25,17 +24,9 @@ from contact_locking.errors import InputError
 from contact_locking.findings import Finding
 from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.cell_kind import NAMED, CellKind, mean_normals
-from contact_locking.mesh.data import MeshData, and_more
-from contact_locking.mesh.diagnosis import (
-    DistributedCells,
-    Touching,
-    box,
-    connected_parts,
-    on_boundary,
-    part_names,
-)
-from contact_locking.mesh.distribution import EntityGroup, Regions, distribute, marked_facets
-from contact_locking.parallel import agree, maximum, on_any_rank
+from contact_locking.mesh.data import MeshData, point_words
+from contact_locking.mesh.distribution import Regions, connected_parts, distribute
+from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.plain_text import nearest
 
 
@@ -252,17 +243,15 @@ def assembled(
     mesh: dmesh.Mesh,
     regions: Regions,
     facets: Mapping[str, BoolArray],
-    origin: str = "the mesh",
-    parts: tuple[IndexArray, int] | None = None,
+    parts: tuple[IndexArray, int],
     **fields: Any,
 ) -> Domain:
     """The domain of a mesh with marks of facets by name; ``fields`` are fields of `Domain`.
 
     ``parts`` are the connected parts of the local cells and their number.  Collective.
     """
-    count = len(regions.numbers)
-    numbers, bodies = parts or (np.zeros(count, dtype=np.int32), 1)
-    every = np.arange(count, dtype=np.int32)
+    numbers, bodies = parts
+    every = np.arange(len(regions.numbers), dtype=np.int32)
     tags, names = tags_of(mesh, facets)
     return Domain(
         mesh,
@@ -272,60 +261,50 @@ def assembled(
         regions.names,
         names,
         part_names(mesh, numbers, bodies, regions.numbers, regions.names),
-        origin=origin,
         **fields,
     )
 
 
-def diagnosed(
-    mesh: dmesh.Mesh,
-    cells: DistributedCells,
-    regions: Regions,
-    groups: Sequence[EntityGroup],
-    origin: str,
-    touching: Touching = (),
-    findings: Sequence[Finding] = (),
-) -> Domain:
-    """The domain of a mesh of the user; collective.
-
-    Raises InputError for a mesh that cannot be a body, and for a cell without a region.
-    """
-    owned = regions.numbers[: len(cells.facets)]
-
-    def require_regions() -> None:
-        if np.any(bare := owned == 0):
-            raise InputError(
-                "it has cells outside every group (in Gmsh every physical group), such as "
-                f"{cells.data.cell_words(int(np.argmax(bare)))}{and_more(int(bare.sum()))}; "
-                "name them all"
-            )
-
-    agree(mesh.comm, require_regions)
-    about_cells = cells.check({group.name: group.entities for group in groups}, touching)
-    kept, unusable, about_groups = on_boundary(groups, cells)
-    facets = {group.name: marked_facets(mesh, group.entities) for group in kept}
-    every = (*findings, *about_cells, *about_groups)
-    return assembled(mesh, regions, facets, origin, cells.parts, unusable=unusable, findings=every)
-
-
-def sound(data: MeshData, comm: MPI.Intracomm, origin: str, bodies: int = 1) -> Domain:
-    """The domain of a mesh of so many bodies, which needs no check; collective.
-
-    Rank 0 has the mesh.
-    """
+def distributed(data: MeshData, comm: MPI.Intracomm, origin: str, is_whole: bool = False) -> Domain:
+    """The domain of a mesh that rank 0 has, ``is_whole`` for one of a single part; collective."""
     made = distribute(comm, data)
-    facets = {group.name: marked_facets(made.mesh, group.entities) for group in made.groups}
-    parts = connected_parts(made.mesh) if bodies > 1 else None
-    return assembled(made.mesh, made.regions, facets, origin, parts)
+    # SciPy, which finds the parts, would take a tenth of the time of `check`.
+    whole = np.zeros(len(made.regions.numbers), dtype=np.int32), 1
+    parts = whole if is_whole else connected_parts(made.mesh)
+    words = {"unusable": dict(data.unusable), "findings": data.findings}
+    return assembled(made.mesh, made.regions, made.facets, parts, origin=origin, **words)
 
 
-@contextmanager
-def about(origin: str) -> Iterator[None]:
-    """Put the origin of a mesh before the message of an InputError."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{origin}: {error}", error.key) from None
+def part_names(
+    mesh: dmesh.Mesh, parts: IndexArray, count: int, regions: IndexArray, names: Mapping[str, int]
+) -> tuple[str, ...]:
+    """The name of each part, from its regions and its extreme coordinates; collective.
+
+    ``parts`` (k,) and ``regions`` (k,) are the numbers of the local cells, and ``names`` gives the
+    numbers of regions.
+    """
+    if count == 1:
+        return ("the body",)
+    words_of_all = []
+    owned = mesh.topology.index_map(mesh.topology.dim).size_local
+    corners = _compat.cell_corners(mesh)[:owned]
+    for body in range(count):
+        inside = parts[:owned] == body
+        mine = set(np.unique(regions[:owned][inside]).tolist())
+        every = set().union(*mesh.comm.allgather(mine))
+        of_part = [name for name, number in names.items() if number in every]
+        x = mesh.geometry.x[corners[inside], : mesh.topology.dim].reshape(-1, mesh.topology.dim)
+        low, high = (point_words(corner) for corner in box(mesh.comm, x))
+        words = ", ".join([*of_part, f"from {low} to {high}"])
+        words_of_all.append(f"part {body + 1} of the body ({words})")
+    return tuple(words_of_all)
+
+
+def box(comm: MPI.Intracomm, points: FloatArray) -> FloatArray:
+    """The least and the greatest coordinates (2, d) of the points of all ranks; collective."""
+    low = comm.allgather(points.min(axis=0, initial=np.inf))
+    high = comm.allgather(points.max(axis=0, initial=-np.inf))
+    return np.array([np.min(low, axis=0), np.max(high, axis=0)])
 
 
 # A node with a smaller radius than this share of the largest radius lies on the axis.

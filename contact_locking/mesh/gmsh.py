@@ -1,21 +1,15 @@
-"""A mesh file as arrays, read by Gmsh in a process of its own, and the arrays of a mesh in Gmsh.
+"""A mesh file of Gmsh as arrays, and the arrays of a mesh in Gmsh.
 
-A file may come from anybody.  A damaged file can crash Gmsh.  In this process the crash would end
-all ranks.  Gmsh runs a file that is not a mesh as a Gmsh script, which can start programs.  For
-some endings of the name Gmsh starts programs whatever the file holds, and it passes the names of
-compressed files to a shell.  A file must therefore begin like a mesh, and Gmsh reads a copy with a
-fixed name in a folder of its own.  The process runs this module.
+A file may come from anybody.  Gmsh runs a file that is not a mesh as a Gmsh script, which can start
+programs.  For some endings of the name Gmsh starts programs whatever the file holds, and it passes
+the names of compressed files to a shell.  A file must therefore begin like a mesh, and Gmsh reads a
+copy with a fixed name in a folder of its own.
 """
 
 from __future__ import annotations
 
-import os
 import re
-import resource
 import shutil
-import signal
-import subprocess
-import sys
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -29,14 +23,28 @@ from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_file
 from contact_locking.findings import Finding
-from contact_locking.mesh.abaqus import ENDINGS
 from contact_locking.mesh.cell_kind import KINDS, CellKind
-from contact_locking.mesh.data import ONE_KIND, MeshData, MeshElements
+from contact_locking.mesh.data import ONE_KIND, MeshData, MeshElements, about, flat_points
 from contact_locking.meshes import empty_model
 
-_FLAT = 1e-12  # of the largest coordinate
 # The name of all cells where none has a group.
 _WHOLE = "body"
+
+
+def read(path: Path) -> MeshData:
+    """The arrays of a mesh file, not checked yet; for one process.
+
+    Raises InputError with the name of the file if it is not a mesh or cannot be read.
+    """
+    import gmsh
+
+    with trusted_copy(path) as copy, empty_model() as model:
+        try:
+            gmsh.merge(str(copy))
+        except Exception as error:  # Gmsh raises Exception itself
+            said = str(error).replace(str(copy), str(path))
+            raise InputError(f"Gmsh cannot read {path}: {said}") from error
+        return extract(model, str(path))
 
 
 def extract(model: Any, origin: str) -> MeshData:
@@ -63,21 +71,14 @@ def extract(model: Any, origin: str) -> MeshData:
     if kind is None:
         raise _unsupported(model, origin, types[0], model.mesh.getElements(dim)[1][0][0])
     cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
-    if dim == 2:
-        height = points[0, 2]
-        off = np.abs(points[:, 2] - height) > _FLAT * np.abs(points).max()
-        if off.any():
-            first = int(np.argmax(off))
-            raise InputError(
-                f"{origin} is a surface in space; a 2D body lies in a plane z = constant, and node "
-                f"{numbers[0]} has z = {height:g}, node {numbers[first]} z = {points[first, 2]:g}"
-            )
     if facets.names.keys() & {""} or cells.names.keys() & {""}:
         raise InputError(f"{origin} has a physical group with an empty name")
     if not cells.names:
         ones = np.ones_like(cells.groups)
         cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
-    mesh = MeshData(dim, np.ascontiguousarray(points[:, :dim]), numbers, cells, facets)
+    with about(origin):
+        flat = flat_points(points, numbers, dim)
+    mesh = MeshData(dim, flat, numbers, cells, facets)
     return mesh if types[0] == kind.gmsh else _with_straight_sides(mesh)
 
 
@@ -167,45 +168,6 @@ def _name(model: Any, dim: int, tag: int, origin: str) -> str:
     return str(name)
 
 
-# No mesh takes Gmsh so many seconds of the processor.
-_LONGEST = 3600
-
-
-def limit_process() -> None:
-    """Let this process have the memory of the machine, and an hour of its processor, at most."""
-    memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    for kind, most in ((resource.RLIMIT_AS, memory), (resource.RLIMIT_CPU, _LONGEST)):
-        soft, hard = resource.getrlimit(kind)
-        limits = [limit for limit in (most, soft, hard) if limit != resource.RLIM_INFINITY]
-        resource.setrlimit(kind, (min(limits), hard))
-
-
-def main(source: str, target: str, origin: str) -> int:
-    """Read the mesh in ``source`` and save its arrays in ``target``; returns the exit code.
-
-    ``origin`` names the mesh for messages.  The message of an InputError is printed.
-    """
-    import gmsh
-
-    try:
-        with empty_model() as model:
-            try:
-                gmsh.merge(source)
-            except Exception as error:  # Gmsh raises Exception itself
-                said = str(error).replace(source, origin)
-                raise InputError(f"Gmsh cannot read {origin}: {said}") from error
-            extract(model, origin).save(Path(target))
-    except InputError as error:
-        sys.stdout.buffer.write(str(error).encode("utf-8", errors="backslashreplace"))
-        return error.exit_code
-    return 0
-
-
-if __name__ == "__main__":
-    limit_process()
-    sys.exit(main(*sys.argv[1:]))
-
-
 # The first two lines of a mesh: "$MeshFormat", then version, 0 (text) or 1 (binary), and size.
 _BEGIN = re.compile(rb"\$MeshFormat[ \t]*\r?\n[ \t]*(\d+(?:\.\d+)?)[ \t]+[01][ \t]+\d+[ \t]*\r?\n")
 _BEGIN_LENGTH = 200
@@ -231,12 +193,6 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
     begin = stream.read(_BEGIN_LENGTH)
     stream.seek(0)
     match = _BEGIN.match(begin)
-    if match is None and path.suffix.lower() in ENDINGS:
-        made = path.with_suffix(".msh")
-        raise InputError(
-            f"{path} is a mesh of another program; this writes one that is read: "
-            f"contact-locking mesh {path} -o {made}"
-        )
     if match is None:
         raise InputError(
             f"{path} is not a mesh in Gmsh's format, which begins with the line $MeshFormat; "
@@ -249,52 +205,3 @@ def _check_begin(stream: BinaryIO, path: Path) -> None:
             f"{path} is in version {version} of Gmsh's mesh format; 2.2, 4.0 and 4.1 can be read "
             "(Mesh.MshFileVersion in Gmsh)"
         )
-
-
-_PROGRAM = "contact_locking.mesh.gmsh"
-# With these environment variables of an MPI launcher the new process would count as a rank.
-_LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
-_MESSAGE_TAIL = 300
-
-
-def read(path: Path) -> MeshData:
-    """The arrays of a mesh file, not checked yet; for one process.
-
-    Raises InputError with the name of the file if it is not a mesh or cannot be read.
-    """
-    with trusted_copy(path) as copy:
-        target = copy.with_name("arrays.npz")
-        words = [sys.executable, "-P", "-m", _PROGRAM, str(copy), str(target), str(path)]
-        done = subprocess.run(
-            words,
-            stdin=subprocess.DEVNULL,
-            capture_output=True,
-            cwd=copy.parent,
-            env=_environment(),
-            check=False,
-        )
-        said = done.stdout.decode("utf-8", errors="replace").strip()
-        if done.returncode == InputError.exit_code and said:
-            raise InputError(said)
-        if done.returncode != 0:
-            last = done.stderr.decode("utf-8", errors="replace").strip()[-_MESSAGE_TAIL:]
-            raise InputError(
-                f"Gmsh cannot read {path}: it {_end(done.returncode)}"
-                f"{' and said: ' if last else ''}{' '.join(last.split())}"
-            )
-        return MeshData.load(target)
-
-
-def _environment() -> dict[str, str]:
-    """The environment of this process without the MPI launcher, with this package in the path."""
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(_LAUNCHERS)}
-    home = str(Path(__file__).resolve().parents[2])
-    paths = [home, *map(os.path.abspath, kept.get("PYTHONPATH", home).split(os.pathsep))]
-    return {**kept, "PYTHONPATH": os.pathsep.join(paths)}
-
-
-def _end(code: int) -> str:
-    if -code in list(signal.Signals):
-        hint = ", perhaps for want of memory" if -code == signal.SIGKILL else ""
-        return f"crashed ({signal.Signals(-code).name}{hint})"
-    return f"ended with exit code {code}"

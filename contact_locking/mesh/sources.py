@@ -19,12 +19,11 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import with_key
 from contact_locking.findings import Finding
-from contact_locking.mesh.array_checks import check_arrays
-from contact_locking.mesh.data import MeshData, MeshElements
-from contact_locking.mesh.diagnosis import DistributedCells, Touching, check_cells
-from contact_locking.mesh.distribution import distribute, of_cells, on_first_rank
-from contact_locking.mesh.domain import Domain, about, diagnosed, sound
-from contact_locking.mesh.gmsh import extract, read
+from contact_locking.mesh import abaqus, gmsh, xdmf
+from contact_locking.mesh.checks import Touching, check_cells, checked
+from contact_locking.mesh.data import MeshData, MeshElements, about
+from contact_locking.mesh.distribution import of_cells, on_first_rank
+from contact_locking.mesh.domain import Domain, distributed
 from contact_locking.meshes import build
 
 
@@ -37,37 +36,31 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] =
 
     def make() -> MeshData:
         with build(geometry, contact=contact) as model:
-            mesh = extract(model, origin)
+            mesh = gmsh.extract(model, origin)
         if not mesh.kind.is_simplex:
             check_cells(mesh)
         return mesh
 
-    first = with_key("mesh.builder", lambda: on_first_rank(comm, make))
-    return sound(first, comm, origin, geometry.bodies)
+    data = with_key("mesh.builder", lambda: on_first_rank(comm, make))
+    return distributed(data, comm, origin, is_whole=geometry.bodies == 1)
 
 
 def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domain:
-    """Read a Gmsh file with named physical groups on rank 0 and distribute it; collective.
+    """Read a Gmsh file, a deck (.inp) or an XDMF file on rank 0, and distribute it; collective.
 
     ``touching`` are pairs of boundary parts that may touch each other without shared nodes.  Cells
     of second order are read by their corners, with a warning.
-    Raises InputError if the file cannot be read, if the cells are not of one kind and of first or
-    second order, and if the mesh is not a body.
+    Raises InputError if the file cannot be read, if the cells are not of one kind, and if the mesh
+    is not a body.
     """
-    data = with_key("mesh.file", lambda: on_first_rank(comm, lambda: read(path)))
-    return with_key("mesh.file", lambda: from_arrays(data, comm, str(path), touching))
+    read = {".xdmf": xdmf.read, ".inp": abaqus.read}.get(path.suffix.lower(), gmsh.read)
 
+    def make() -> MeshData:
+        data = read(path)
+        with about(str(path)):
+            return checked(data, touching)
 
-def from_arrays(
-    data: MeshData, comm: MPI.Intracomm, origin: str, touching: Touching = ()
-) -> Domain:
-    """Check and distribute a mesh, which rank 0 has and messages call ``origin``; collective."""
-    with about(origin):
-        check_arrays(comm, data)
-        made = distribute(comm, data)
-        cells = DistributedCells(made.mesh, made.numbers)
-        groups, findings = made.groups, data.findings
-        return diagnosed(made.mesh, cells, made.regions, groups, origin, touching, findings)
+    return with_key("mesh.file", lambda: distributed(on_first_rank(comm, make), comm, str(path)))
 
 
 # What the mesh of a body knows beside its cells, as fields of `Domain`.
@@ -165,7 +158,7 @@ def spread(mesh: WholeMesh | None, comm: MPI.Intracomm) -> Domain:
         return mesh.data
 
     first = on_first_rank(comm, data)
-    domain = sound(first, comm, "")
+    domain = distributed(first, comm, "", is_whole=True)
     parts: IntArray = np.empty(0, dtype=np.int64) if mesh is None else mesh.parts
     facts = comm.bcast(mesh.facts if mesh else {})
     local = of_cells(domain.mesh, first.cells.nodes, parts).astype(np.int32)

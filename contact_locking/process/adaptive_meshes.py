@@ -30,7 +30,7 @@ from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import longest_edges, signed_measures
 from contact_locking.mesh.data import MeshData, point_words
 from contact_locking.mesh.domain import Domain
-from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.parts import NamedFacets
 from contact_locking.mesh.sources import WholeMesh, elements, gather_cells, gather_mesh, spread
 from contact_locking.meshes.geometry import Curved, rounded
 from contact_locking.monitor import Monitor

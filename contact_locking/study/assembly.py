@@ -15,7 +15,6 @@ from contact_locking.errors import InputError
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
 from contact_locking.mesh import sources
-from contact_locking.mesh.data import is_xdmf
 from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.parts import groups, with_parts
 from contact_locking.penalty_method.scope import require_served
@@ -183,13 +182,8 @@ def mesh_of(parameters: Parameters, comm: MPI.Intracomm) -> Domain:
     section = parameters.mesh
     if section.geometry is not None:
         domain = sources.from_geometry(section.geometry, comm, parameters.refined_names)
-    elif is_xdmf(path := Path(section.file or "")):
-        # SciPy, which these meshes need, would take a tenth of the time of `check` for others.
-        from contact_locking.mesh.xdmf import from_xdmf
-
-        domain = from_xdmf(path, comm)
     else:
-        domain = sources.from_file(path, comm, parameters.touching)
+        domain = sources.from_file(Path(section.file or ""), comm, parameters.touching)
     if section.axisymmetric:
         domain = half_section(domain)
     require_fitting(section, BodyKind(domain.dim), "mesh")

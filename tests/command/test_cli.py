@@ -161,13 +161,6 @@ def test_check_finds_what_only_the_mesh_can_tell(
         assert "'under'" in errors and "bottom, left, right, top" in errors
 
 
-def test_mesh_writes_a_file_that_runs(folder: Path, comm: MPI.Intracomm) -> None:
-    body = folder / "body.msh"
-    assert cli.main(["mesh", str(folder / "study.yml"), "-o", str(body)]) == 0
-    comm.Barrier()
-    assert run(folder, "--quiet", "--set", f"mesh={{file: {body}}}") == 0
-
-
 @pytest.mark.serial
 @pytest.mark.parametrize("name", ["body.vtk", "missing/body.msh"])
 def test_mesh_refuses_a_file_that_it_cannot_write(
@@ -206,12 +199,6 @@ def test_an_interrupt_returns_130_without_a_traceback(
     monkeypatch.setattr(solving, "solve", solve)
     assert run(folder, "--quiet") == 130
     assert capsys.readouterr().err == "interrupted\n"
-
-
-@pytest.mark.serial
-def test_schema_is_json_on_demand(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["schema", "--json"]) == 0
-    assert "penalty" in json.loads(capsys.readouterr().out)["properties"]
 
 
 @pytest.mark.serial

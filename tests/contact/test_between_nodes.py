@@ -10,8 +10,7 @@ import pytest
 from problems import block
 from tool_files import binary_stl, box
 
-from contact_locking import NotConverged, StudySolution, solve_steps
-from contact_locking.inverse.fit import session
+from contact_locking import StudySolution, solve_steps
 from contact_locking.running.solving import solve
 from contact_locking.study_file import from_mapping
 
@@ -50,21 +49,6 @@ def assert_missed(solution: StudySolution, depth: float, at: str) -> None:
     assert solution.summary["penetration_between_nodes"] == pytest.approx(depth, rel=0.05)
     (warning,) = [text for text in solution.summary["warnings"] if "between the nodes" in text]
     assert at in warning
-
-
-ROLLER = {"foundation": {"cylinder": {"centre": [5.53, 3.18], "radius": 0.2}}}
-
-
-@pytest.mark.serial
-def test_a_fit_is_told_to_refine_its_mesh(tmp_path: Path) -> None:
-    (tmp_path / "curve.csv").write_text("loads.displacements.0.value.1,force\n0.1,1\n0.2,2\n")
-    fit = {
-        "data": str(tmp_path / "curve.csv"),
-        "quantities": {"force": "contact_force.1"},
-        "parameters": {"material.elasticity.young": {"start": 5.0, "bounds": [1.0, 9.0]}},
-    }
-    with pytest.raises(NotConverged, match=r"start; the depth of a foundation.*mesh\.h_contact"):
-        session.fit(given(STRIP, ROLLER, fit=fit), tmp_path / "results")
 
 
 @pytest.mark.serial
@@ -169,14 +153,6 @@ def test_a_surface_between_the_nodes_of_a_block_fails_a_criterion(
     file = tmp_path / "tool.stl"
     file.write_bytes(binary_stl(box(*corners)))
     assert_missed(pressed({"surface": str(file)}, CUBE), 0.03, "near (")
-
-
-@pytest.mark.serial
-def test_a_ring_on_a_body_of_revolution_that_is_missed_fails_a_criterion() -> None:
-    body = {"builder": "block", "size": [1, 1], "h": 0.5, "structured": True}
-    expression = "sqrt((x - 0.27)**2 + (y - 1.08)**2) - 0.1"
-    solution = pressed({"expression": expression}, body | {"axisymmetric": True})
-    assert_missed(solution, 0.02, "near (0.27, 1)")
 
 
 @pytest.mark.serial

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +12,9 @@ from dolfinx import fem
 from mpi4py import MPI
 from problems import solved, with_changes
 from small_meshes import Groups, grid, shared, side_by_side
-from two_bodies import YOUNG, fit, lame_pressure, stack
+from two_bodies import YOUNG, fit, stack
 
-from contact_locking import StudySolution, save, solve, study_file
+from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
@@ -50,13 +47,6 @@ def test_action_is_reaction_and_every_body_is_in_equilibrium() -> None:
     force = np.add(contact["contact_force"], contact["friction_force"])
     assert force == pytest.approx([-0.0006, 0.006], rel=1e-6)
     assert summary["reactions"]["bottom"] == pytest.approx([-0.0006, 0.006], rel=1e-6)
-
-
-def test_the_overlap_may_be_that_of_the_drawing() -> None:
-    solution = solved(fit(mesh__radius=1.01, contact={"on": "inner", "against": "rim"}))
-    force = solution.summary["contacts"][0]["contact_force"]
-    # Of a quarter: the pressure times the radius along each axis.
-    assert np.abs(force) == pytest.approx([lame_pressure(0.01)] * 2, rel=0.03)
 
 
 def test_friction_between_bodies_remembers_its_slip() -> None:
@@ -226,43 +216,6 @@ def test_nodes_of_both_sides_may_be_at_one_place_in_a_file(tmp_path: Path) -> No
     solution = solved(from_file(path, {"on": "back", "against": "face"}))
     stress = solution.elastic_stress.x.array.reshape(-1, 2, 2)
     assert largest(solution, stress - np.diag([-0.01, 0.0])) <= 1e-8
-
-
-@pytest.mark.parametrize("dim", [2, 3])
-def test_a_saved_step_goes_on_as_without_a_break(dim: int, tmp_path: Path) -> None:
-    folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path))) / "saved"
-    push = ["0.02*t*(2-t)", *[0.0] * (dim - 2), -0.005]
-    held = [{"on": "bottom", "value": [0.0] * dim}, {"on": "top", "value": push}]
-    given: dict[str, Any] = {"loads": {"displacements": held}, "friction__coefficient": 0.3}
-    h = 0.25 if dim == 2 else 0.5
-    whole = solved(stack(dim, h, **given, steps={"to": 2.0, "count": 4}))
-    half = solved(stack(dim, h, **given, steps={"to": 1.0, "count": 2}))
-    save(half, folder)
-    rest = solve(stack(dim, h, **given, steps={"to": 2.0, "count": 4}), restart=folder)
-    for key in ("friction_force", "slip_max", "elastic_energy"):
-        assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-5, abs=1e-9)
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-@pytest.mark.parametrize("dim", [2, 3], ids=["triangles", "hexahedra"])
-def test_two_bodies_are_the_same_on_one_two_and_four_ranks(dim: int, tmp_path: Path) -> None:
-    file = tmp_path / "stack.yml"
-    limits = {"friction__coefficient": 0.3, "material__locking_limit": 0.006}
-    grids = {"mesh__cells": "box", "mesh__structured": True} if dim == 3 else {}
-    given = stack(dim, 0.2 if dim == 2 else 0.4, **limits, **grids)
-    file.write_text(study_file.dump(given))
-    run = [sys.executable, "-m", "contact_locking", "run", str(file), "--quiet"]
-    found = []
-    for ranks in (1, 2, 4):
-        output = tmp_path / str(ranks)
-        launcher = ["mpirun", "-n", str(ranks)] if ranks > 1 else []
-        subprocess.run([*launcher, *run, "--output", str(output)], check=True, timeout=600)
-        found.append(json.loads((output / "summary.json").read_text()))
-    assert [summary["ranks"] for summary in found] == [1, 2, 4]
-    for key in ("compliance", "elastic_energy", "pressure_max", "slip_max"):
-        values = [summary[key] for summary in found]
-        assert values[1:] == pytest.approx([values[0]] * 2, rel=1e-7)
 
 
 @pytest.mark.parametrize(

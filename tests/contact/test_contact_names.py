@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block
 from seal import seal, two_bodies
 from solutions import of_kind
 
-from contact_locking import Contact, InputError, solve
+from contact_locking import Contact, solve
 from contact_locking.arrays import IntArray
 from contact_locking.contact.contact import named
 from contact_locking.results.contact_points import ContactPoints
@@ -19,7 +16,6 @@ from contact_locking.results.in_words import rows
 from contact_locking.results.quantities import look_up
 from contact_locking.results.table import Table
 from contact_locking.running.run import facets_table
-from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial
 
@@ -34,15 +30,6 @@ def test_a_contact_without_a_name_has_that_of_its_first_part_and_no_two_have_the
     ]
     found = named([Contact([part], name=name) for part, name in given])
     assert [one.name for one in found] == ["grains", "wall", "grains_3", "a_b", "grains_2"]
-
-
-def test_the_name_of_another_contact_is_refused() -> None:
-    with pytest.raises(InputError) as caught:
-        named([Contact(part, name="x", at=f"contacts.{n}") for n, part in enumerate("ab")])
-    assert caught.value.key == "contacts.1"
-    with pytest.raises(InputError) as caught:
-        from_mapping({"contact": [{"on": "bottom", "name": "x"}, {"on": "left", "name": "x"}]})
-    assert str(caught.value).startswith("contact.1.name: ")
 
 
 def test_the_forces_of_two_foundations_stand_by_their_names() -> None:
@@ -99,20 +86,3 @@ def test_contact_csv_is_read_as_it_was_written(dim: int, kind: str) -> None:
         assert read.dtype == values.dtype and np.array_equal(read, values), column
     numbers = Table.read(facets_table(facets).text(), "contact_facets.csv").columns.values()
     assert np.array_equal(np.column_stack([*numbers]), facets)
-
-
-def test_a_solve_of_two_contacts_has_the_points_of_both_in_the_order_of_the_study_file() -> None:
-    contacts = [{"on": "left"}, {"on": "bottom", "friction": {"coefficient": 0.1}}]
-    push = [{"on": "top", "value": [0.0, -0.05]}, {"on": "right", "value": [-0.03, 0.0]}]
-    loads = {"tractions": push, "displacements": []}
-    solution = solve(block(h=0.25, contact=contacts, loads=loads, penalty__n=math.inf))
-    assert solution.converged
-    points, summary = solution.contact_points, solution.summary
-    assert points is not None
-    left, bottom = points.parts()
-    assert np.abs(left.x[:, 0]).max() < 1e-12 and np.abs(bottom.x[:, 1]).max() < 1e-12
-    assert [one["name"] for one in summary["contacts"]] == ["left", "bottom"]
-    assert [np.argmax(np.abs(one["contact_force"])) for one in summary["contacts"]] == [0, 1]
-    # The radius of R is the distance of the nodes, which leaves the pressure as it is.
-    assert left.bound == pytest.approx(0.3 * left.pressure, rel=1e-6)
-    assert bottom.bound == pytest.approx(0.1 * bottom.pressure, rel=1e-6)

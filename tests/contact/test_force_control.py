@@ -1,4 +1,4 @@
-"""Tools: foundations that a prescribed force pushes, with their travel as one more unknown."""
+"""Foundations that a force pushes or a spring holds, with their travel as one more unknown."""
 
 from __future__ import annotations
 
@@ -8,15 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pressed_tools import HELD, pressed, told, tool
+from pressed_tools import HELD, NONE, UP, pressed, told, tool
 from problems import column, solved
 from slow import slow
 
 from contact_locking import InputError, Parameters, assemble, solve, solve_steps
 from contact_locking.certificate.balances import equilibrium
 from contact_locking.running.solving import SolvableStudy
-
-# What is right by hand.
 
 
 @pytest.mark.serial
@@ -60,17 +58,6 @@ def test_two_tools_press_from_both_sides_with_their_own_forces() -> None:
     assert 0.0 < beyond[0] < beyond[1] < 0.05
 
 
-@pytest.mark.serial
-def test_a_force_along_an_oblique_line_includes_friction() -> None:
-    found = solved(pressed(tool([0.006, -0.03], mu=0.5)))
-    entry = found.summary["contacts"][0]
-    force = np.add(entry["contact_force"], entry["friction_force"])
-    direction = np.array([0.006, -0.03]) / math.hypot(0.006, 0.03)
-    assert force @ direction == pytest.approx(math.hypot(0.006, 0.03), rel=1e-8)
-    # The force across the line is that of the guide.
-    assert abs(entry["friction_force"][0]) > 1e-4
-
-
 @pytest.mark.parametrize("weight", [0.017, 0.019])
 def test_a_pinch_holds_a_weight_up_to_twice_the_friction_of_a_tool(weight: float) -> None:
     sides = [
@@ -91,8 +78,6 @@ def test_a_pinch_holds_a_weight_up_to_twice_the_friction_of_a_tool(weight: float
         assert "friction cannot hold the body" in found.summary["reason"]
         assert "translation along y" in found.summary["reason"]
 
-
-# The same by other ways.
 
 # Duality gaps of 1e-8 of the energy allow differences of 1e-4 in the norm of the energy.
 SAME = 1e-5
@@ -123,9 +108,6 @@ def test_several_ranks_find_what_one_finds(comm: MPI.Intracomm) -> None:
     assert together.summary["contact_force"] == pytest.approx(
         alone.summary["contact_force"], rel=1e-6
     )
-
-
-# The laws of a tool.
 
 
 @pytest.mark.serial
@@ -297,3 +279,76 @@ def test_what_the_gap_and_the_tool_cannot_stop_is_still_infeasible() -> None:
     found = solve(pressed(tool([0.0, -0.03]), loads={"displacements": apart}))
     assert not found.converged
     assert found.summary["reason"].startswith("infeasible")
+
+
+PRESSED = {
+    "tractions": [{"on": "right", "value": [-0.01, 0.003]}],
+    "displacements": [{"on": "bottom", "value": [0.0, 0.01]}],
+}
+
+
+def held(on: str = "top", mu: float = 0.3, **foundation: Any) -> dict[str, Any]:
+    """A contact whose foundation is a plane above a unit block, by default."""
+    friction = {"coefficient": mu, "smoothing": NONE}
+    return {"on": on, "foundation": {"half_space": UP, **foundation}, "friction": friction}
+
+
+@pytest.mark.serial
+def test_a_motion_drives_the_far_end_of_a_spring() -> None:
+    place = {"point": [0.0, 1.5], "normal": [0.0, -1.0]}
+    spring = {"stiffness": 2.0, "along": [0.0, 1.0]}
+    driven = solved(
+        pressed(held(half_space=place, motion=[0.0, -0.53], spring=spring), loads=PRESSED)
+    )
+    near = {"point": [0.0, 0.97], "normal": [0.0, -1.0]}
+    there = solved(pressed(held(half_space=near, spring=spring), loads=PRESSED))
+    for key in ("travel", "spring_force"):
+        assert told(driven)[key] == pytest.approx(told(there)[key], rel=1e-6)
+    assert told(driven)["travel"] < 0.0
+
+
+@pytest.mark.serial
+def test_a_spring_that_nothing_touches_stays_where_it_is() -> None:
+    far = {"point": [0.0, 1.5], "normal": [0.0, -1.0]}
+    spring = {"stiffness": 2.0, "along": [0.0, 1.0]}
+    found = solved(pressed(held(half_space=far, spring=spring)))
+    assert told(found)["travel"] == pytest.approx(0.0, abs=1e-9)
+    rest = solved(pressed(held(spring=spring), loads={"displacements": HELD}))
+    assert told(rest)["travel"] == 0.0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("limit", [math.inf, 0.012])
+def test_a_plate_with_much_friction_is_one_that_is_glued_to_the_body(limit: float) -> None:
+    """The force that a glued plate takes moves a pressed plate as far, while nothing lifts off."""
+    mesh = {"builder": "block", "h": 0.25, "structured": True, "cells": "box"}
+    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": limit}
+    given: dict[str, Any] = {"mesh": mesh, "material": material}
+    moved = [*HELD, {"on": "top", "value": [0.0, -0.01]}]
+    glued = solved(pressed([], loads={"displacements": moved}, **given))
+    force = glued.summary["reactions"]["top"][1]
+    plate = held(mu=1e3, force=[0.0, force])
+    found = solved(pressed(plate, loads={"displacements": HELD}, **given))
+    u, w = glued.displacement.x.array, found.displacement.x.array
+    assert np.abs(u - w).max() <= 1e-5 * np.abs(u).max()
+    assert told(found)["travel"] == pytest.approx(0.01, rel=1e-5)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"spring": {"stiffness": 2.0, "along": [1.0, 0.0]}}, "along the surface"),
+        ({"spring": {"stiffness": 2.0}}, "direction in which the spring gives way"),
+        ({"spring": {"stiffness": 0.0, "along": [0.0, 1.0]}}, "stiffness"),
+        (
+            {"force": [0.0, -1.0], "spring": {"stiffness": 2.0, "along": [0.0, 1.0]}},
+            "acts along force",
+        ),
+    ],
+)
+def test_a_foundation_that_nothing_would_stop_is_refused(
+    changes: dict[str, Any], words: str
+) -> None:
+    with pytest.raises((InputError, ValueError), match=words):
+        solve(pressed(held(**changes)))

@@ -58,19 +58,6 @@ def test_two_parts_without_a_common_node_are_one_contact_or_two(dim: int, n: flo
     assert [np.sign(part["contact_force"][-1]) for part in parts] == [1.0, -1.0]
 
 
-def test_the_order_of_the_entries_does_not_matter() -> None:
-    entries = [
-        {"on": "bottom", "friction": {"coefficient": 0.4}},
-        {"on": "top", "gap": -0.003, "friction": {"coefficient": 0.1}},
-    ]
-    there, back = solved(between(2, entries)), solved(between(2, entries[::-1]))
-    same(there, back)
-    first, second = there.summary["contacts"]
-    assert [first["on"], second["on"]] == [["bottom"], ["top"]]
-    forces = [part["contact_force"] for part in back.summary["contacts"]]
-    assert forces[1] == pytest.approx(first["contact_force"], rel=1e-5, abs=1e-9)
-
-
 def test_friction_of_one_contact_leaves_the_other_frictionless() -> None:
     entries = [{"on": "bottom", "friction": {"coefficient": 0.0}}, {"on": "top", "gap": -0.003}]
     solution = solved(between(2, entries))

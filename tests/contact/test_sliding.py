@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from mpi4py import MPI
-from problems import solved
 from two_bodies import stack
 
 import contact_locking as cl
-from contact_locking import StudySolution, save, solve, solve_steps, study_file
+from contact_locking import StudySolution, solve, solve_steps, study_file
 from contact_locking.errors import InputError
 from contact_locking.study_file.parameters import Parameters
 
@@ -99,15 +96,6 @@ def test_a_pairing_that_is_slid_over_is_told_of() -> None:
     few, places, forces = last_forces(sliding(steps={"to": 1.0, "count": 2}))
     assert not few.summary["warnings"]
     assert places[forces[:, 1] < -1e-9, 0].min() > 1.8
-
-
-def test_a_step_after_a_pairing_anew_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
-    folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path))) / "saved"
-    whole = solved(sliding())
-    save(solved(sliding(to=0.5)), folder)
-    rest = solve(sliding(), restart=folder)
-    for key in ("friction_force", "slip_max", "elastic_energy", "pressure_max"):
-        assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-6, abs=1e-9)
 
 
 def test_pairs_that_nobody_can_find_are_refused() -> None:

@@ -84,17 +84,6 @@ def test_a_tool_that_moves_is_a_body_that_moves_the_other_way(dim: int, n: float
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("n", [1e3, math.inf])
-def test_in_one_static_solve_friction_sees_that_the_tool_has_moved(n: float) -> None:
-    way = [0.03, 0.02]
-    moved = solve(pressed(2, n, [0.0, 0.0], way, steps=None))
-    fixed = solve(pressed(2, n, [-value for value in way], None, steps=None))
-    u, w = (found.displacement.x.array.reshape(-1, 2) for found in (moved, fixed))
-    assert np.abs(u - way - w).max() < 1e-9
-    assert moved.summary["friction_force"][0] > 1e-3
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize("n", [slow(1e3), math.inf])
 @pytest.mark.parametrize(
     "motion",
@@ -144,9 +133,6 @@ def test_a_tool_stands_where_its_motion_has_brought_it() -> None:
         assert np.abs(difference).max() < 1e-10
 
 
-GAP = 0.005
-
-
 @dataclass(frozen=True)
 class Capsule:
     """``phi(x) = |x - s(x)| - radius``, with s(x) the point of a segment that is nearest to x."""
@@ -170,33 +156,9 @@ class Capsule:
         return -away / np.linalg.norm(away, axis=0)
 
 
-@dataclass(frozen=True)
-class Wedge:
-    """``phi(x) = max_i n_i . (x - edge)``: half spaces with unit normals n_i, intersected."""
-
-    edge: tuple[float, ...]
-    normals: tuple[tuple[float, ...], ...]
-
-    def _heights(self, x: FloatArray) -> FloatArray:
-        return np.array(self.normals) @ (x - np.array(self.edge)[:, None])
-
-    def gap(self, x: FloatArray) -> FloatArray:
-        return np.asarray(self._heights(x).max(axis=0))
-
-    def contact_normal(self, x: FloatArray) -> FloatArray:
-        return -np.array(self.normals)[self._heights(x).argmax(axis=0)].T
-
-
 def on(foundation: dict[str, Any], dim: int, comm: MPI.Intracomm) -> StudySolution:
     h = 0.2 if dim == 2 else 0.5
     return solve(block(dim, h, contact={"on": "bottom", "foundation": foundation}), comm)
-
-
-def flat(dim: int) -> tuple[Distance, dict[str, Any]]:
-    """A capsule along x, longer than the body, has a flat side in 2D."""
-    depth = 1.0 + GAP
-    plane = {"half_space": {"point": [0.0, -GAP], "normal": [0.0, 1.0]}}
-    return Capsule((-1.0, -depth), (2.0, -depth), 1.0), plane
 
 
 def round_end(dim: int) -> tuple[Distance, dict[str, Any]]:
@@ -211,26 +173,13 @@ def long(dim: int) -> tuple[Distance, dict[str, Any]]:
     return Capsule((0.4, -1.0, -3.0), (0.4, 2.0, -3.0), 2.995), cylinder
 
 
-def one_sided(dim: int) -> tuple[Distance, dict[str, Any]]:
-    """A wedge whose edge is beside the body touches with one inclined plane."""
-    size = math.hypot(0.02, 1.0)
-    incline = (-0.02 / size, *[0.0] * (dim - 2), 1.0 / size)
-    edge = (-0.5, *[0.0] * (dim - 2), -0.02)
-    left = (-1.0, *[0.0] * (dim - 1))
-    plane = {"half_space": {"point": list(edge), "normal": list(incline)}}
-    return Wedge(edge, (incline, left)), plane
-
-
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("make", "dim"),
     [
-        (flat, 2),
         (round_end, 2),
         slow(round_end, 3),
         slow(long, 3),
-        (one_sided, 2),
-        slow(one_sided, 3),
     ],
 )
 def test_an_own_foundation_gives_what_the_same_shape_of_the_package_gives(

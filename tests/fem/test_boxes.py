@@ -14,11 +14,11 @@ from msh import write_msh
 from problems import solved
 from small_meshes import EDGES, SQUARE, Points
 
-from contact_locking import StudySolution, check, solve, study_file
+from contact_locking import StudySolution, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.parts import groups
-from contact_locking.mesh.xdmf import export, from_xdmf
-from contact_locking.running.solving import solve as solve_adapted
+from contact_locking.mesh.sources import from_file
+from contact_locking.mesh.xdmf import export
 from contact_locking.study.assembly import mesh_of
 
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])
@@ -151,44 +151,12 @@ def test_a_mesh_of_boxes_that_is_no_body_is_refused(
     assert "kinds" not in words or "recombine" in str(caught.value)
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("changes", "key", "words"),
-    [
-        ({"discretisation": {"degree": 2}}, "discretisation.degree", "must be 1"),
-        ({"adapt": {}}, "adapt", "refines simplices only"),
-    ],
-    ids=["degree 2", "adapt"],
-)
-def test_what_boxes_do_not_do_is_refused(
-    changes: dict[str, Any], key: str, words: str, tmp_path: Path
-) -> None:
-    path = write_msh(tmp_path / "square.msh", SQUARE, {**EDGES, "body": [(1, 2, 3, 4)]})
-    data = {"loads": {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}}
-    with pytest.raises(InputError) as caught:
-        place = {"mesh": {"file": str(path)} | changes.get("mesh", {})}
-        solve_adapted(pressed(str(path), 2, **data | changes | place))
-    assert caught.value.key == key and words in str(caught.value)
-
-
-@pytest.mark.serial
-@DIMENSIONS
-def test_a_builder_makes_boxes(dim: int) -> None:
-    block = {"builder": "block", "dim": dim, "h": 0.25, "structured": True, "cells": "box"}
-    given = pressed("", dim, mesh=block)
-    facts = check(given, MPI.COMM_SELF)
-    assert facts["cells"] == 4**dim and facts["dofs"] == dim * 5**dim
-    sides = {group.name: (group.measure, group.normal) for group in facts["groups"]}
-    assert sides["top"][0] == pytest.approx(1.0)
-    assert sides["top"][1] == pytest.approx([0.0] * (dim - 1) + [1.0])
-
-
 @DIMENSIONS
 def test_an_xdmf_file_has_the_same_boxes(dim: int, folder: Path, comm: MPI.Intracomm) -> None:
     given = rubbed(mesh(folder, dim), dim)
     domain = mesh_of(given, comm)
     export(domain, folder / "boxes.xdmf")
-    again = from_xdmf(folder / "boxes.xdmf", comm)
+    again = from_file(folder / "boxes.xdmf", comm)
     assert again.kind is domain.kind and again.num_cells == domain.num_cells
     for one, other in zip(groups(again), groups(domain), strict=True):
         assert one.name == other.name and one.count == other.count

@@ -62,37 +62,3 @@ def test_options_of_the_compiler_in_the_folder_of_a_study_are_ignored(tmp_path: 
     out = printed(tmp_path)
     assert out.startswith("['dolfinx_jit_options.json', 'ffcx_options.json']")
     assert "fplugin" not in out
-
-
-MANY = """
-import ufl
-from dolfinx import fem
-from dolfinx.mesh import create_unit_square
-from mpi4py import MPI
-from contact_locking.fem import compiled
-mesh = create_unit_square(MPI.COMM_SELF, 2, 2)
-for power in range(2, 5):
-    print(fem.assemble_scalar(compiled.form(fem.Constant(mesh, 3.0) ** power * ufl.dx)))
-"""
-
-
-def started(folder: Path) -> subprocess.Popen[str]:
-    """A process that compiles three forms into an own cache in a folder."""
-    return subprocess.Popen(
-        [sys.executable, "-c", MANY],
-        env=os.environ | {"XDG_CONFIG_HOME": str(folder), "XDG_CACHE_HOME": str(folder)},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-@pytest.mark.slow
-def test_a_cache_that_cannot_be_written_to_is_read(tmp_path: Path) -> None:
-    assert started(tmp_path).wait() == 0
-    (folder,) = (tmp_path / "fenics").iterdir()
-    for lock in folder.glob("*/compiling"):
-        lock.unlink()
-        lock.mkdir()
-    out, errors = started(tmp_path).communicate(timeout=100)
-    assert not errors and len(out.split()) == 3

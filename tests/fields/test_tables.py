@@ -167,22 +167,6 @@ def test_a_slip_beyond_the_table_ends_the_solve_that_went_there_and_no_other(fol
 
 
 @pytest.mark.serial
-def test_the_fingerprint_has_the_content_of_the_table_and_not_its_path(
-    folder: Path, tmp_path: Path
-) -> None:
-    def name(place: Path) -> str:
-        return study_file.fingerprint(from_mapping(given(), place))
-
-    other = tmp_path / "other"
-    other.mkdir()
-    for file in ("ramp.csv", "profile.csv"):
-        (other / file).write_bytes((folder / file).read_bytes())
-    assert name(folder) == name(other)
-    (other / "ramp.csv").write_text(RAMP.replace("-0.05", "-0.06"))
-    assert name(folder) != name(other)
-
-
-@pytest.mark.serial
 def test_paths_are_relative_to_the_study_file_in_its_cases_too(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

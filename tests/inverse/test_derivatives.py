@@ -228,17 +228,6 @@ def test_few_solves_serve_many_parameters(make: Make) -> None:
     assert lazy.made.linear.solves - before <= 5
 
 
-def test_a_moving_friction_bound_takes_fewer_solves_than_the_solution_took(make: Make) -> None:
-    made = make()
-    solution = made.problem.solve()
-    lazy: Any = solution.differentiable
-    lazy.made.adjoint("compliance")
-    adjoint = lazy.made.linear.solves
-    lazy.made.forward(NAMES, entries(made.given["E"]))
-    assert 0 < adjoint <= 0.5 * solution.summary["iterations"]["linear"]
-    assert lazy.made.linear.solves - adjoint <= 0.5 * solution.summary["iterations"]["linear"]
-
-
 @pytest.mark.serial
 def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
     made = make()

@@ -11,7 +11,7 @@ from problems import block
 
 import contact_locking as cl
 from contact_locking.inverse.numbers import number_at, with_number
-from contact_locking.inverse.sensitivities import in_rows, value_of
+from contact_locking.inverse.sensitivities import value_of
 from contact_locking.monitor import Monitor
 from contact_locking.running.solving import solve
 from contact_locking.study_file.dump import plain
@@ -190,32 +190,6 @@ def test_what_has_no_derivative_is_refused_before_the_solve(
 
 
 @pytest.mark.serial
-def test_a_result_that_is_zero_has_no_elasticity_but_a_reason() -> None:
-    """A column between plates: no load works, and no force acts to the side."""
-    asked = {
-        "of": ["compliance", "contact_force.0", "contact_force.1"],
-        "to": ["material.elasticity.young"],
-    }
-    pressed = study(
-        loads={"displacements": [{"on": "top", "value": [0.0, -0.01]}]},
-        friction__coefficient=0.0,
-        parameters=None,
-    )
-    summary = solve(with_changes_of(pressed, asked)).summary
-    found = {
-        name: entry["material.elasticity.young"] for name, entry in summary["sensitivities"].items()
-    }
-    for name in ("compliance", "contact_force.0"):
-        assert found[name]["elasticity"] is None
-        assert found[name]["reason"] == f"{name} is zero, which has no per cent"
-        assert math.isfinite(found[name]["derivative"])
-    assert found["contact_force.1"]["elasticity"] == pytest.approx(1.0, abs=1e-6)
-    assert "reason" not in found["contact_force.1"]
-    rows = in_rows(summary)
-    assert any("which has no per cent" in row[2] for row in rows)
-
-
-@pytest.mark.serial
 @pytest.mark.parametrize(
     ("drag", "steps", "sign"), [(0.5, None, -1.0), ("1 - abs(2*t - 1)", {"times": [0.5, 1.0]}, 1.0)]
 )
@@ -243,32 +217,6 @@ def test_a_block_that_slides_has_the_derivative_of_coulombs_law(
     expected = sign * (force + 0.3 * found["contact_force.1"]["derivative"])
     assert friction == pytest.approx(sign * 0.3 * force, rel=1e-6)
     assert found["friction_force.0"]["derivative"] == pytest.approx(expected, rel=1e-6)
-
-
-# Differences take a minute on two ranks.
-@pytest.mark.serial
-def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them() -> None:
-    of = ["reactions.left.0", "reactions.left.1", "reactions.top.1"]
-    to = ["loads.springs.0.stiffness", "loads.springs.1.stiffness", "loads.tractions.0.value.1"]
-    found = solve(
-        study(
-            loads={
-                "displacements": [{"on": "left", "value": [0.001, None]}],
-                "springs": [
-                    {"on": "left", "stiffness": 0.5},
-                    {"on": "top", "stiffness": 0.1, "along": [1, 2]},
-                ],
-                "tractions": [{"on": "right", "value": [0.0, -0.004]}],
-            },
-            sensitivities={"of": of, "to": to, "check": True},
-        )
-    )
-    table = found.summary["sensitivities"]
-    for name in of:
-        derivatives = np.array([table[name][key]["derivative"] for key in to])
-        checked = np.array([table[name][key]["checked"] for key in to])
-        assert derivatives == pytest.approx(checked, rel=1e-3, abs=1e-3 * np.abs(checked).max())
-        assert np.abs(checked).max() > 0.0
 
 
 @pytest.mark.serial

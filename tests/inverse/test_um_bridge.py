@@ -146,16 +146,3 @@ def test_a_study_that_no_server_can_answer_for_is_refused(key: str, value: Any) 
 def test_a_study_without_a_solution_is_an_error_that_says_why(url: str) -> None:
     refused = ask(f"{url}/Evaluate", input=[AT], config={"solver.max_iterations": 1})
     assert refused["type"] == "NotConverged" and refused["message"]
-
-
-def test_the_client_of_um_bridge_understands_it(url: str) -> None:
-    umbridge = pytest.importorskip("umbridge")
-    model = umbridge.HTTPModel(url, "forward")
-    assert umbridge.supported_models(url) == ["forward"] and model.supports_gradient()
-    assert (model.get_input_sizes(), model.get_output_sizes()) == ([3], [2])
-    values = ask(f"{url}/Evaluate", input=[AT])["output"]
-    assert model([AT]) == values
-    slopes = model.gradient(0, 0, [AT], [1.0, 0.0])
-    assert slopes[1] == model.apply_jacobian(0, 0, [AT], [0.0, 1.0, 0.0])[0]
-    with pytest.raises(Exception, match="one vector of 3 numbers"):
-        model([[0.3]])

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import os
-
 import numpy as np
-import pytest
 from mpi4py import MPI
 from problems import block
 
@@ -21,15 +18,3 @@ def test_the_same_mesh_is_distributed_in_the_same_way_each_time() -> None:
         owned = mesh.topology.index_map(2).size_local
         assert owned == first.topology.index_map(2).size_local
         assert np.array_equal(mesh.geometry.x, first.geometry.x)
-
-
-@pytest.mark.parametrize("threads", [None, "2"])
-def test_the_environment_is_left_as_it_was(
-    threads: str | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    name = "SCOTCH_PTHREAD_NUMBER"
-    monkeypatch.delenv(name, raising=False)
-    if threads is not None:
-        monkeypatch.setenv(name, threads)
-    from_geometry(block(2, 0.5).mesh.geometry, MPI.COMM_WORLD)
-    assert os.environ.get(name) == threads

@@ -16,7 +16,6 @@ from contact_locking import InputError
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
-from contact_locking.mesh.xdmf import from_xdmf
 
 gmsh = pytest.importorskip("gmsh")
 pytestmark = pytest.mark.serial
@@ -206,9 +205,7 @@ def numbers_in_text(folder: Path) -> Path:
 
 
 def read(path: Path) -> Domain:
-    return (
-        from_xdmf(path, MPI.COMM_SELF) if path.suffix == ".xdmf" else from_file(path, MPI.COMM_SELF)
-    )
+    return from_file(path, MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize("name", ALL)

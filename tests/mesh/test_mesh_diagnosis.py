@@ -23,10 +23,8 @@ from small_meshes import (
     study,
 )
 
-from contact_locking import check, solve
-from contact_locking.command import cli
+from contact_locking import check
 from contact_locking.errors import InputError
-from contact_locking.mesh import gmsh
 from contact_locking.mesh.parts import Group, groups
 from contact_locking.mesh.sources import from_file, from_geometry
 from contact_locking.meshes import BUILDERS, write
@@ -115,17 +113,6 @@ def test_a_part_that_nothing_holds_is_named_with_its_place(
     assert caught.value.key == "loads.displacements"
 
 
-def test_parts_that_are_held_one_by_one_are_solved(comm: MPI.Intracomm, tmp_path: Path) -> None:
-    path = shared(comm, tmp_path, SQUARE + FAR, LOOSE)
-    held = [{"on": "left", "value": [0, -0.01]}, {"on": "coast", "value": [0, 0]}]
-    facts = check(study(path, loads={"displacements": held}), comm)
-    assert facts["held by"] == {
-        "part 1 of the body (body, from (0, 0) to (1, 1))": "displacements on left",
-        "part 2 of the body (island, from (3, 0) to (4, 1))": "displacements on coast",
-    }
-    assert solve(study(path, loads={"displacements": held}), comm).converged
-
-
 @pytest.mark.serial
 @pytest.mark.parametrize(("dim", "h"), [(2, 0.25), (3, 0.5)])
 def test_a_file_gives_the_same_domain_as_the_builder_that_wrote_it(
@@ -174,45 +161,3 @@ def test_a_file_without_its_end_is_refused(version: str, cut: float, tmp_path: P
     with pytest.raises(InputError, match=r"body\.msh") as caught:
         from_file(path, MPI.COMM_SELF)
     assert caught.value.key == "mesh.file"
-
-
-#: A reader that asks for more memory than the machine has.
-GREEDY = """
-import os, resource
-from contact_locking.mesh.gmsh import limit_process
-
-limit_process()
-memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-assert resource.getrlimit(resource.RLIMIT_AS)[0] <= memory
-assert resource.getrlimit(resource.RLIMIT_CPU)[0] <= 3600
-bytearray(memory + 1)
-"""
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("program", "expected"),
-    [
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", r"it crashed \(SIGSEGV\)"),
-        ("import os, signal; os.kill(os.getpid(), signal.SIGKILL)", "for want of memory"),
-        ("raise SystemExit(134)", "ended with exit code 134"),
-        ("import nowhere", "No module named 'nowhere'"),
-        (GREEDY, "MemoryError"),
-    ],
-)
-def test_a_crash_of_gmsh_is_told(
-    program: str,
-    expected: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    path = write_msh(tmp_path / "body.msh", SQUARE, BODY)
-    (tmp_path / "crashes.py").write_text(program)
-    monkeypatch.setattr(gmsh, "_PROGRAM", "crashes")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    with pytest.raises(InputError, match=rf"Gmsh cannot read .*body\.msh: .*{expected}"):
-        gmsh.read(path)
-    (tmp_path / "study.yml").write_text("mesh: {file: body.msh}\n")
-    assert cli.main(["check", str(tmp_path / "study.yml")]) == 2
-    assert str(path) in capsys.readouterr().err

@@ -290,15 +290,6 @@ def test_a_body_has_the_same_mesh_in_any_unit_of_length(name: str, unit: float) 
     assert places[1] == pytest.approx(unit * places[0], rel=1e-13, abs=1e-15 * unit)
 
 
-@pytest.mark.parametrize(("on", "axis", "plane"), [("top", 1, 1.0), ("left", 0, 0.0)])
-def test_the_mesh_is_fine_where_contact_is(on: str, axis: int, plane: float) -> None:
-    geometry = make("block", h=0.5, h_contact=0.1)
-    with build(geometry, contact=[on]) as model:
-        points = model.mesh.getNodes()[1].reshape(-1, 3)
-        near, far = (np.sum(np.abs(points[:, axis] - at) < 1e-9) for at in (plane, 1.0 - plane))
-    assert near >= 11 and far <= 5
-
-
 @pytest.mark.parametrize("name", BUILDERS)
 @pytest.mark.parametrize("key", ["h", "h_contact"])
 def test_impossible_element_sizes_are_refused(name: str, key: str) -> None:

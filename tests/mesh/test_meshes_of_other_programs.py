@@ -1,17 +1,15 @@
-"""Meshes of other programs are written as Gmsh files, with their sets as named groups."""
+"""Decks of Abaqus and CalculiX are read with their sets as named groups."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 from mpi4py import MPI
 
-from contact_locking import InputError, _compat
+from contact_locking import InputError
 from contact_locking.command import cli
 from contact_locking.findings import Finding
-from contact_locking.mesh.abaqus import convert
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
@@ -56,10 +54,10 @@ TETRAHEDRON = """*NODE
 
 
 def converted(folder: Path, deck: str) -> tuple[Domain, list[Finding]]:
-    source, target = folder / "part.inp", folder / "part.msh"
+    source = folder / "part.inp"
     source.write_text(deck, encoding="utf-8")
-    findings = convert(source, target)
-    return from_file(target, MPI.COMM_SELF), findings
+    domain = from_file(source, MPI.COMM_SELF)
+    return domain, list(domain.findings)
 
 
 def test_sets_of_cells_are_regions_and_sets_of_nodes_are_boundary_parts(tmp_path: Path) -> None:
@@ -170,40 +168,41 @@ def test_sets_are_generated_with_and_without_their_step_and_name_other_sets(tmp_
     assert (finding.code, finding.numbers) == ("mesh.empty_sets", {"names": "ODD"})
 
 
-def test_parts_stand_where_their_instances_do_and_assemblies_name_their_sets(
+PART = f"*Part, name=Cube\n{CUBE}*NSET, NSET=SOLE\n1, 2, 3, 4\n*NSET, NSET=Top\n1\n*End Part\n"
+
+
+def test_a_part_keeps_the_names_of_its_sets_apart_from_those_of_the_assembly(
     tmp_path: Path,
 ) -> None:
-    """The second cube turns about an edge of its translated place."""
-    part = f"*Part, name=Cube\n{CUBE}*NSET, NSET=SOLE\n1, 2, 3, 4\n*End Part\n"
     deck = (
-        f"*HEADING\n{part}*Assembly, name=A\n*Instance, name=One, part=Cube\n*End Instance\n"
-        "*Instance, name=Two, part=Cube\n3., 0., 0.\n3., 0., 0., 3., 0., 1., 90.\n*End Instance\n"
-        "*Nset, nset=Top, instance=Two\n5, 6, 7, 8\n"
+        f"*HEADING\n{PART}*Assembly, name=A\n*Instance, name=One, part=Cube\n*End Instance\n"
+        "*Nset, nset=Top, instance=One\n5, 6, 7, 8\n*Nset, nset=Both\nOne.SOLE, One.5, Top\n"
         "*Elset, elset=_Wall_S4, internal, instance=One\n1,\n"
         "*Surface, type=ELEMENT, name=Wall\n_Wall_S4, S4\n*End Assembly\n"
     )
-    domain, findings = converted(tmp_path, deck)
-    assert not findings and domain.num_cells == 2
-    assert sizes(domain) == {"ONE.SOLE": 1, "TWO.SOLE": 1, "Top": 1, "Wall": 1}
-    assert set(domain.cell_names) == {"ONE.BODY", "TWO.BODY"}
-    low, high = domain.bounding_box
-    assert np.allclose(low, 0.0) and np.allclose(high, [3.0, 1.0, 1.0])
-    corners = _compat.entities_to_geometry(domain.mesh, 2, domain.facets(("Wall",)))
-    walls = domain.mesh.geometry.x[corners]
-    assert np.allclose(walls[..., 0], 1.0)
+    domain, (finding,) = converted(tmp_path, deck)
+    assert finding.numbers == {"names": "Cube.Top"} and domain.num_cells == 1
+    assert sizes(domain) == {"Cube.SOLE": 1, "Top": 1, "Both": 6, "Wall": 1}
+    assert set(domain.cell_names) == {"Cube.BODY"}
 
 
-def test_the_command_writes_the_file_and_a_study_tells_of_the_command(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    source, target, study = (tmp_path / name for name in ("part.inp", "part.msh", "study.yml"))
+@pytest.mark.parametrize(
+    "place", ["3., 0., 0.\n*End Instance", "*End Instance\n*Instance, part=Cube"]
+)
+def test_instances_at_other_places_are_refused(place: str, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="Do not use parts and assemblies"):
+        converted(tmp_path, f"{PART}*Instance, name=One, part=Cube\n{place}\n")
+
+
+def test_a_study_reads_a_deck_as_it_is(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source, study = tmp_path / "part.inp", tmp_path / "study.yml"
     source.write_text(PLATE, encoding="utf-8")
     study.write_text(
-        "mesh: {file: part.inp}\ncontact: {on: SOLE}\n"
-        "loads: {displacements: [{on: SKIN, value: [0, 0]}]}\n",
+        "mesh: {file: part.inp, parts: {top: {on: SKIN, facing: [0, 1]}}}\n"
+        "contact: {on: SOLE, gap: 0.1}\nloads: {displacements: [{on: top, value: [0, 0]}]}\n",
         encoding="utf-8",
     )
-    assert cli.main(["check", str(study)]) == 2
-    assert f"contact-locking mesh {source} -o {target}" in capsys.readouterr().err
-    assert cli.main(["mesh", str(source), "-o", str(target)]) == 0
-    assert capsys.readouterr().out == f"{target}: written\n" and target.exists()
+    assert cli.main(["check", str(study)]) == 0
+    assert "SOLE" in capsys.readouterr().out
+    assert cli.main(["mesh", str(source), "-o", str(tmp_path / "part.msh")]) == 2
+    assert f"mesh.file: {source}" in capsys.readouterr().err

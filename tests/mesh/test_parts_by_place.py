@@ -13,9 +13,8 @@ from problems import block
 from small_meshes import BODY, SQUARE
 from xdmf import write_xdmf
 
-from contact_locking import InputError, assemble, from_mapping, save, solve
+from contact_locking import InputError, assemble, from_mapping
 from contact_locking.mesh.parts import groups
-from contact_locking.running import solving
 from contact_locking.study.assembly import mesh_of
 from contact_locking.study_file.parameters import Parameters
 
@@ -109,41 +108,6 @@ def test_facets_face_a_direction_within_other_places(comm: MPI.Intracomm) -> Non
     domain = mesh_of(placed(parts), comm)
     found = {group.name: group.count for group in groups(domain)}
     assert {name: found[name] for name in parts} == {"up": 8, "slanting": 16, "tip": 4}
-
-
-def test_loads_and_contact_on_parts_that_overlap_add_up(comm: MPI.Intracomm) -> None:
-    by_name = solve(block(h=0.125, mesh__structured=True), comm)
-    loads = {
-        "tractions": [
-            {"on": "roof", "value": [0.03, -0.02]},
-            {"on": ["top", "roof"], "value": [0.0, -0.03]},
-        ],
-        "displacements": [{"on": "wall", "value": [0, 0]}],
-    }
-    parts = {
-        "roof": {"plane": {"point": [0, 1], "normal": [0, 1]}},
-        "wall": {"box": [[0, 0], [0, 1]]},
-        "sole": {"expression": "y < 0.05", "on": "bottom"},
-    }
-    by_place = solve(placed(parts, loads=loads, contact__on="sole"), comm)
-    for key in ("contact_force", "friction_force", "compliance"):
-        assert by_place.summary[key] == pytest.approx(by_name.summary[key], rel=1e-9)
-
-
-def test_a_finer_mesh_keeps_the_parts_and_a_checkpoint_knows_them(
-    tmp_path: Path, comm: MPI.Intracomm
-) -> None:
-    folder = comm.bcast(tmp_path)
-    adapt = {"tolerance": 1e-9, "max_dofs": 900}
-    parts = {name: PARTS[name] for name in ("pad", "corner")}
-    given = placed(parts, contact__on="pad", adapt=adapt, penalty__n=float("inf"))
-    solution = solving.solve(given, comm)
-    assert solution.domain.is_refined
-    measures = {group.name: group.measure for group in groups(solution.domain)}
-    assert (measures["pad"], measures["corner"]) == pytest.approx((0.5, 1.0))
-    save(solution, folder)
-    again = solving.solve(given, comm, restart=folder)
-    assert again.summary["compliance"] == pytest.approx(solution.summary["compliance"], rel=1e-9)
 
 
 def test_a_part_without_facets_is_refused_with_the_place_of_the_boundary(

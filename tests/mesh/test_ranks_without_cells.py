@@ -110,20 +110,3 @@ def test_more_ranks_than_cells_have_the_results_of_one(name: str, tmp_path: Path
     for key, value in numbers(several).items():
         assert value == pytest.approx(expected[key], rel=1e-6, abs=1e-8), key
     assert {path.name for path in several.iterdir()} == {path.name for path in one.iterdir()}
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(LAUNCHER is None, reason="there is no mpirun")
-def test_ranks_without_cells_save_checkpoints_and_read_them(tmp_path: Path) -> None:
-    file, saved, several = tmp_path / "study.yml", tmp_path / "saved", tmp_path / "several"
-    file.write_text(yaml.safe_dump(BLOCK))
-    done = on_ranks("run", str(file), "--quiet", "--output", str(several), "--checkpoint")
-    assert done.returncode == 0, done.stderr
-    words = ["run", str(file), "--quiet", "--restart", str(several), "--output", str(saved)]
-    assert cli.main([*words, "--checkpoint"]) == 0
-    words = ["run", str(file), "--quiet", "--output", str(several), "--restart", str(saved)]
-    done = on_ranks(*words)
-    assert done.returncode == 0, done.stderr
-    for folder in (saved, several):
-        summary = json.loads((folder / "summary.json").read_text())
-        assert summary["iterations"]["tangents"] == 0

@@ -96,13 +96,6 @@ SIDES: dict[str, tuple[Any, Make]] = {
         block(h=0.25, friction__smoothing={"kernel": "helmholtz", "radius": 0.3}),
         own(contact=lambda on: cl.Contact(on, friction=rubbing(cl.Helmholtz(0.3))), n=1e3),
     ),
-    "quadratic": (
-        block(h=0.5, discretisation__degree=2, friction__smoothing__radius=0.6),
-        own(
-            contact=lambda on: cl.Contact(on, friction=rubbing(cl.Convolution(0.6))),
-            n=1e3,
-        ),
-    ),
     "supports": (
         block(
             h=0.25,
@@ -353,14 +346,6 @@ def test_data_of_a_body_are_numbers_texts_functions_or_ufl() -> None:
 
 
 @pytest.mark.serial
-def test_a_form_that_sees_rotations_is_refused() -> None:
-    space = square(4)
-    u, v = ufl.TrialFunction(space), ufl.TestFunction(space)
-    with pytest.raises(cl.InputError, match="rotations"):
-        cl.ContactProblem(ufl.inner(ufl.grad(u), ufl.grad(v)) * ufl.dx)
-
-
-@pytest.mark.serial
 def test_a_mesh_of_second_order_is_refused() -> None:
     element = basix.ufl.element("Lagrange", "triangle", 2, shape=(2,))
     nodes = np.array([(0, 0), (1, 0), (0, 1), (0.5, 0.5), (0, 0.5), (0.5, 0)], dtype=float)
@@ -394,45 +379,6 @@ def test_a_body_that_its_loads_alone_press_may_have_loads_later(comm: MPI.Intrac
     problem.close()
 
 
-@pytest.mark.parametrize(
-    ("given", "key"),
-    [
-        ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0))]}, "Support.along"),
-        ({"bcs": lambda left: [cl.Support(left, along=(0.0, 0.0, 1.0))]}, "loads.supports.0.along"),
-        ({"bcs": lambda left: [cl.Support(left[:0])]}, "loads.supports.0"),
-        ({"contacts": lambda bottom: [cl.Contact(bottom[:0])]}, "contacts.0"),
-        ({"mu": lambda x, s: -0.3 + s}, "contacts.0.friction.coefficient"),
-        ({"mu": lambda x, s: 0.3 - x[:, 0]}, "contacts.0.friction.coefficient"),
-        ({"load": math.nan}, "L"),
-        ({"bilinear": True}, "L"),
-        ({"n": 0.0}, "n"),
-    ],
-)
-def test_data_of_a_script_that_cannot_be_used_are_refused_with_their_place(
-    given: dict[str, Any], key: str
-) -> None:
-    body = mesh.create_unit_square(MPI.COMM_WORLD, 4, 4)
-    space = fem.functionspace(body, ("Lagrange", 1, (2,)))
-    left = mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[0], 0.0))
-    bottom = mesh.locate_entities_boundary(body, 1, lambda x: np.isclose(x[1], 0.0))
-    v = ufl.TestFunction(space)
-    load = ufl.inner(fem.Constant(body, (0.0, given.get("load", -0.01))), v) * ufl.dx
-    if "bilinear" in given:
-        load += ufl.inner(ufl.TrialFunction(space), v) * ufl.dx
-    contacts = [cl.Contact(bottom, friction=cl.Coulomb(given.get("mu", 0.3), cl.Local()))]
-    with pytest.raises(cl.InputError) as caught:
-        cl.ContactProblem(
-            cl.Elasticity(young=1.0, poisson=0.3),
-            load,
-            given["bcs"](left) if "bcs" in given else [cl.Support(left)],
-            contacts=given["contacts"](bottom) if "contacts" in given else contacts,
-            space=space,
-            n=given.get("n", math.inf),
-        ).solve()
-    assert caught.value.key == key
-    assert f"This is about {key}." in caught.value.__notes__
-
-
 def held_by_form(terms: Callable[[Domain, Any, Any], ufl.Form]) -> cl.Solution:
     """A block that a force lifts off its foundation, held by terms of ``a`` alone."""
     study = assemble(block(h=0.5), MPI.COMM_WORLD)
@@ -460,11 +406,3 @@ def test_terms_of_a_form_with_the_displacement_itself_hold_the_body(place: str) 
     parts = found.summary["certificate"]["resultants"]
     assert parts["loads"] == pytest.approx([0.02, 0.02])
     assert np.add(parts["loads"], parts["contact"]) == pytest.approx(-np.array(parts["reactions"]))
-
-
-@pytest.mark.serial
-def test_strains_and_the_displacement_itself_need_integrals_of_their_own() -> None:
-    with pytest.raises(cl.InputError, match="an integral of its own"):
-        held_by_form(
-            lambda domain, u, v: (ufl.inner(strain(u), strain(v)) + ufl.inner(u, v)) * ufl.dx
-        )

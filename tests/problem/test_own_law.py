@@ -18,7 +18,7 @@ from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
 from contact_locking.laws.elasticity import strain
 from contact_locking.laws.locking import locking_energy, squared_norm
-from contact_locking.problem.strain_sets import HalfSpaceSet, NormSet
+from contact_locking.problem.strain_sets import NormSet
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble
 
@@ -168,16 +168,3 @@ def test_an_own_set_of_strains_is_kept_by_the_inequality(comm: MPI.Intracomm) ->
     assert solution.converged, solution.summary["reason"]
     assert largest_change_of_shape(solution) == pytest.approx(SHEAR, rel=1e-6)
     assert solution.summary["strain_norm_max"] <= 0.015 * (1.0 + 1e-6)
-
-
-def test_an_own_half_space_is_kept(comm: MPI.Intracomm) -> None:
-    problem = assemble(block(2, 0.2, penalty__n=np.inf), comm)
-    inverse = fem.Function(problem.data.inverse_limit.function_space)
-    inverse.x.array[:] = 1.0 / SHEAR
-    shear = ufl.as_tensor([[0.0, 0.5**0.5], [0.5**0.5, 0.0]])
-    only_one_way = HalfSpaceSet("shear", inverse, shear)
-    problem.data = dataclasses.replace(problem.data, limits=(only_one_way,))
-    solution = solve_assembled(problem)
-    assert solution.converged, solution.summary["reason"]
-    (entry,) = solution.summary["strain_sets"]
-    assert entry["utilisation_max"] == pytest.approx(1.0, abs=1e-6)

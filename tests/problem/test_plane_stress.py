@@ -12,7 +12,6 @@ from problems import with_changes
 from contact_locking.laws.elasticity import lame_from_young, plane_stress_lambda
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study_file import problem_fingerprint
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
@@ -89,10 +88,3 @@ def test_fibres_along_the_tension_stop_at_their_limit_and_carry_the_rest() -> No
     wide, high = strains(solved(material__locking=[fibres]))
     assert high == pytest.approx(LIMIT, rel=1e-7)
     assert wide == pytest.approx(-POISSON * LIMIT, rel=1e-6)
-
-
-def test_a_body_in_plane_strain_keeps_its_fingerprint() -> None:
-    stress, strain = sheet(), sheet(material__plane="strain")
-    plain = sheet()
-    assert problem_fingerprint(stress) == problem_fingerprint(plain)
-    assert problem_fingerprint(stress) != problem_fingerprint(strain)

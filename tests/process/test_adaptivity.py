@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,12 @@ from mpi4py import MPI
 from problems import block, column
 
 import contact_locking as cl
-from contact_locking import assemble, save, solve, solve_adaptively, write
+from contact_locking import assemble, save, solve, solve_adaptively
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
-from contact_locking.meshes import BUILDERS
-from contact_locking.meshes import write as write_mesh
 from contact_locking.process import adaptive_meshes
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.view import report
 
 LIMITLESS: dict[str, Any] = {
     "penalty__n": float("inf"),
@@ -119,43 +115,6 @@ def test_meshes_do_not_depend_on_the_ranks(comm: MPI.Intracomm) -> None:
     assert max(comm.allgather(owned)) < 1.3 * together.domain.num_cells / comm.size
 
 
-@pytest.mark.serial
-def test_a_body_in_3d_with_regions_is_refined() -> None:
-    given = adaptive(
-        3,
-        mesh={"builder": "inclusion", "dim": 3, "h": 0.2},
-        material={
-            "elasticity": {"young": 1.0, "poisson": 0.3},
-            "locking_limit": 0.05,
-            "regions": {"inclusion": {"locking_limit": 0.02}},
-        },
-        adapt={"tolerance": 0.01, "max_meshes": 2, "share": 0.2},
-    )
-    last = solve(given)
-    assert last.converged and len(meshes(last)) == 2
-    assert meshes(last)[1]["estimate"] < meshes(last)[0]["estimate"]
-    limits = np.unique(np.round(last.locking_limit.x.array, 12))
-    assert set(limits) <= {0.02, 0.05}
-
-
-@pytest.mark.serial
-def test_a_mesh_file_is_refined(tmp_path: Path) -> None:
-    path = tmp_path / "disc.msh"
-    write_mesh(BUILDERS["disc"](h=0.25), path)
-    data = {
-        "mesh": {"file": str(path)},
-        "material": {"locking_limit": 0.1},
-        "loads": {"displacements": [{"on": "top", "value": [0.0, -0.03]}]},
-        "contact": {
-            "on": "contact",
-            "foundation": {"half_space": {"point": [0, 0], "normal": [0, 1]}},
-        },
-        "adapt": {"tolerance": 0.01, "max_meshes": 3},
-    }
-    solution = solve(Parameters.model_validate(data))
-    assert len(meshes(solution)) == 3 and solution.converged
-
-
 def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
     comm: MPI.Intracomm, tmp_path: Path
 ) -> None:
@@ -172,23 +131,6 @@ def test_loop_goes_on_from_the_checkpoint_of_its_last_mesh(
     ]
     with pytest.raises(InputError, match=r"of another mesh.*refined"):
         list(solving.solve_steps(block(h=0.5, **LIMITLESS), comm, restart=folder))
-
-
-@pytest.mark.serial
-@pytest.mark.usefixtures("unrendered")
-@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.slow)])
-def test_files_and_report_of_an_adaptive_run_tell_the_sequence(dim: int, tmp_path: Path) -> None:
-    limits = {"tolerance": 0.01, "max_meshes": 2}
-    quiet = {"fields": False, "picture": False}
-    solution = solve(adaptive(dim, h=0.5, adapt=limits, output=quiet))
-    write(solution, tmp_path)
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    names = {"dofs", "cells", "estimate", "tangents", "seconds"}
-    assert [set(entry) for entry in summary["adapt"]["meshes"]] == [names] * 2
-    report.write(tmp_path)
-    assert "adapt-error" in {path.stem for path in (tmp_path / "report").iterdir()}
-    page = (tmp_path / "report.html").read_text()
-    assert "Adapted meshes" in page and "adapt.max_meshes, 2, is reached" in page
 
 
 def test_the_mesh_is_refined_where_a_tool_enters_between_the_nodes() -> None:

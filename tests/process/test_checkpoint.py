@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import errno
-import json
 import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -17,9 +13,8 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
-from slow import slow
 
-from contact_locking import meshes, save, study_file
+from contact_locking import save, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
@@ -102,49 +97,6 @@ def test_one_rank_reads_what_all_have_saved_and_all_what_one_has(dim: int, folde
     assert Values.of(back).agrees(Values.of(together))
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize(
-    ("ranks", "dim"),
-    [(2, 3), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((2, 2), (3, 2), (3, 3)))],
-)
-def test_other_numbers_of_ranks_read_what_one_saved_and_save_for_it(
-    dim: int, ranks: int, tmp_path: Path
-) -> None:
-    mpirun = shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("mpirun is not installed")
-    given = parameters(dim)
-    (tmp_path / "study.yml").write_text(study_file.dump(given), encoding="utf-8")
-    one = solving.solve(given)
-    save(one, tmp_path / "one")
-    words = ["run", "study.yml", "--restart", "one", "--checkpoint", "--output", "several"]
-    done = subprocess.run(
-        [mpirun, "-n", str(ranks), sys.executable, "-m", "contact_locking", *words],
-        capture_output=True,
-        text=True,
-        timeout=240,
-        cwd=tmp_path,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    summary = json.loads((tmp_path / "several" / "summary.json").read_text())
-    # Had a value arrived at another node or cell, there would be no equilibrium.
-    assert (summary["ranks"], summary["iterations"]["tangents"]) == (ranks, 0)
-    again = solving.solve(given, restart=tmp_path / "several")
-    assert again.summary["iterations"]["tangents"] == 0
-    assert Values.of(again).agrees(Values.of(one))
-
-
-def test_bodies_without_contact_are_saved_too(folder: Path) -> None:
-    given = parameters(contact__on=[])
-    save(solving.solve(given), folder)
-    assert solving.solve(given, restart=folder).summary["iterations"]["tangents"] == 0
-    # The saved state has no contact.
-    touching = solving.solve(parameters(), restart=folder)
-    assert touching.converged
-    assert touching.summary["iterations"]["tangents"] > 0
-
-
 @pytest.fixture
 def saved(comm: MPI.Intracomm, folder: Path) -> Path:
     """The checkpoint of a made-up solve."""
@@ -174,36 +126,6 @@ def test_a_state_of_another_mesh_or_element_is_refused(
     changes: dict[str, Any], saved: Path
 ) -> None:
     assert "is of another mesh or element" in refusal(saved, parameters(**changes))
-
-
-def test_a_mesh_file_that_has_changed_is_refused(comm: MPI.Intracomm, folder: Path) -> None:
-    body = folder / "body.msh"
-
-    def given(h: float) -> Parameters:
-        geometry = meshes.BUILDERS["block"](h=h)
-        on_rank_0(comm, lambda: meshes.write(geometry, body))
-        return Parameters.model_validate(
-            parameters().model_dump(exclude={"mesh": True}) | {"mesh": {"file": str(body)}}
-        )
-
-    solution = solving.solve(given(0.3))
-    save(solution, folder)
-    assert solving.solve(given(0.3), restart=folder).summary["iterations"]["tangents"] == 0
-    assert "is of another mesh" in refusal(folder, given(0.2))
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(("key", "value"), [("format", 99), ("files", 7)])
-def test_a_record_that_does_not_fit_is_refused(
-    key: str, value: Any, saved: Path, comm: MPI.Intracomm
-) -> None:
-    path = locate(saved) / "record.json"
-
-    def change() -> None:
-        path.write_text(json.dumps(json.loads(path.read_text()) | {key: value}))
-
-    on_rank_0(comm, change)
-    assert "is damaged" in refusal(saved)
 
 
 def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intracomm) -> None:
@@ -257,29 +179,6 @@ def agree(one: StudySolution, other: StudySolution, digits: float = 1e-8) -> boo
     for key in ("contact_force", "friction_force"):
         assert one.summary[key] == pytest.approx(other.summary[key], rel=10 * digits, abs=1e-9), key
     return True
-
-
-CHANGES: dict[str, dict[str, Any]] = {
-    "friction": {"friction__coefficient": 0.33},
-    "no limit": {"material__locking_limit": float("inf")},
-    "gap": {"contact__gap": 1e-3},
-    "no friction": {"friction__coefficient": 0.0},
-}
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("n", [slow(1e8), float("inf")])
-def test_a_start_from_other_data_finds_what_a_cold_start_finds_in_few_more_tangents(
-    n: float, folder: Path
-) -> None:
-    save(solving.solve(given("auto", penalty__n=n)), folder)
-    assert tangents(solving.solve(given("auto", penalty__n=n), restart=folder)) == 0
-    # Without a limit, or friction, the saved stresses would still be in equilibrium.
-    for name in ("friction", "no limit", "no friction", "gap"):
-        changed = given("auto", penalty__n=n, **CHANGES[name])
-        restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
-        assert agree(restarted, cold), name
-        assert tangents(restarted) <= tangents(cold) + 10, name
 
 
 @pytest.mark.serial
@@ -358,13 +257,3 @@ def test_run_keeps_the_checkpoint_that_it_starts_from(
     assert ("add --checkpoint" in capsys.readouterr().err) == (comm.rank == 0)
     assert run("a", *start, "--checkpoint", "--set", "friction.coefficient=0.1") == 0
     assert run.names("a") == RESULTS | {"checkpoint"}
-
-
-def test_bad_restarts_return_2_with_one_message_and_leave_no_trace(
-    run: Run, comm: MPI.Intracomm, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run("b", "--restart", str(run.folder / "nowhere"), "--quiet") == 2
-    errors = capsys.readouterr().err
-    assert not (run.folder / "b").exists()
-    if comm.rank == 0:
-        assert errors.startswith("error: there is no checkpoint in") and errors.count("error") == 1

@@ -12,13 +12,9 @@ from seal import seal
 from sheared_block import all_of, sheared
 from slow import slow
 
-from contact_locking import Parameters, solve, solve_steps
-from contact_locking.process.loop import Timeline
+from contact_locking import Parameters, solve_steps
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.settings import Steps
 from contact_locking.results.in_words import verdict
-from contact_locking.results.solution import StudySolution
-from contact_locking.running.run import run
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
@@ -147,26 +143,6 @@ def test_a_strip_at_its_limit_is_told_with_the_limit_as_the_cause(
     assert not any(tried[2:]) and len(tried) <= 6
 
 
-# It reads the files of the run, which rank 0 writes.
-def test_a_run_that_stops_has_the_last_solution_in_its_files(
-    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    solve_one = ProblemSolver.solve
-
-    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
-        if solver.problem.clock.now > 0.6:
-            return SolverReport(reason="it is late", suggestion="be quick")
-        return solve_one(solver, *given)
-
-    monkeypatch.setattr(ProblemSolver, "solve", solved)
-    steps = {"to": 1, "count": 2, "least": 0.2, "on_failure": "stop"}
-    output = {"picture": False, "fields": False}
-    last, _ = run(seal(steps=steps, output=output), tmp_path)
-    assert isinstance(last, StudySolution) and last.converged and last.time == 0.5
-    assert len(last.history) == 1 and "it is late" in last.summary["steps"]["ended"]
-    assert (tmp_path / "history.csv").read_text().count("\n") == 2
-
-
 @pytest.mark.parametrize(
     "parameters",
     [
@@ -197,31 +173,3 @@ def test_no_time_beyond_one_at_which_nothing_is_admissible_is_tried(
     # The last row is the state where the process ended; charts leave it out.
     (*converged, failed), steps = last.history.column("converged"), last.summary["steps"]
     assert all(converged) and not failed and steps["solved"] == len(converged)
-
-
-def test_what_is_impossible_is_not_tried_in_other_ways() -> None:
-    """The proof that nothing is admissible comes after the first approach to the solution."""
-    mesh = {"builder": "annulus", "h": 0.2}
-    found = solve(ring([0.02, -0.07], floor(), mesh=mesh, friction={"coefficient": 0.4}))
-    assert found.summary["reason"].startswith("infeasible")
-    assert found.summary["iterations"]["friction"] <= 100
-    low, high = found.summary["admissible_load_factor"]
-    assert 0.5 < low < high < 1.0
-
-
-def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
-    timeline = Timeline(Steps(times=(1.0, 2.0)))
-    timeline.refuse(1.1, SolverReport(reason="too far"))
-    timeline.refuse(1.0, SolverReport(reason="infeasible"))
-    seen = [(timeline.target, timeline.is_barred)]
-    assert timeline.fail()
-    seen.append((timeline.target, timeline.is_barred))
-    assert timeline.explained("late", 0.5, 0.25)["reason"].startswith("infeasible, at t = 1; ")
-    timeline.succeed()
-    seen.append((timeline.target, timeline.is_barred))
-    assert seen == [(1.0, True), (0.5, False), (1.0, True)]
-    # The step to the time that is refused is halved three times at most.
-    assert [timeline.fail() for _ in range(3)] == [True, True, False]
-    timeline.skip_to(1.0)
-    timeline.succeed()
-    assert timeline.refused is None and timeline.explained("late", 2.0, 1.0) == {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +15,8 @@ from mpi4py import MPI
 from sheared_block import all_of, sheared
 
 import contact_locking as cl
-from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.table import Table
-from contact_locking.solver.task import SolverReport
 
-Fail = Callable[[Callable[[], float]], None]
 TIMES = tuple(k / 8 for k in range(1, 9))
 # What a process measures of itself, or of rounding.
 ITS_OWN = {"seconds", "residual", "nearest_criterion", "energy_defect", "linear", "tangents"}
@@ -87,24 +83,6 @@ def test_a_constant_is_the_time_of_a_process() -> None:
     with pytest.raises(cl.InputError) as caught:
         cl.Process(block.problem, [1.0, 0.5], block.t)
     assert caught.value.key == "Steps.times"
-
-
-@pytest.fixture
-def late(monkeypatch: pytest.MonkeyPatch) -> Fail:
-    """Lets the step from t = 0.375 to 0.5 fail."""
-
-    def fail(now: Callable[[], float]) -> None:
-        solve, done = ProblemSolver.solve, [0.0]
-
-        def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
-            if (done[-1], now()) == (0.375, 0.5):
-                return SolverReport(reason="too far", suggestion="be quick")
-            done.append(now())
-            return solve(solver, *given)
-
-        monkeypatch.setattr(ProblemSolver, "solve", solved)
-
-    return fail
 
 
 @pytest.mark.usefixtures("unrendered")

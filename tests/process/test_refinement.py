@@ -15,10 +15,10 @@ from mpi4py import MPI
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotRefined
 from contact_locking.mesh.cell_kind import longest_edges, signed_measures
+from contact_locking.mesh.checks import CellFacets, checked
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import (
     WholeMesh,
-    from_arrays,
     from_geometry,
     gather_cells,
     gather_mesh,
@@ -109,9 +109,9 @@ def test_a_finer_mesh_is_the_mesh_of_a_body_without_flat_cells(name: str) -> Non
     rounds = 6 if mesh.data.dim == 2 else 4
     for _ in range(rounds):
         mesh = refined(mesh, near(mesh, mesh.data.points[0], 0.05), geometry.curved)
-    found = from_arrays(mesh.data, MPI.COMM_SELF, name)
+    found = checked(mesh.data)
     assert not found.findings and not found.unusable
-    assert len(found.part_names) == 1 and set(measures(mesh)) == names
+    assert CellFacets(found).parts[0] == 1 and set(measures(mesh)) == names
     # Longest edges are bisected: in 2D no angle is less than half of the smallest one.
     assert flattest(mesh) > 0.2 * first
 

@@ -160,13 +160,6 @@ def test_results_do_not_depend_on_the_number_of_ranks() -> None:
             assert np.allclose(mine, other, rtol=1e-5, atol=1e-6 * np.abs(mine).max() + 1e-9), name
 
 
-def test_a_monitor_hears_of_each_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[tuple[int, int, float]] = []
-    monkeypatch.setattr(Monitor, "step", lambda self, *given: told.append(given))
-    list(solve_steps(sheared(3)))
-    assert [step[:2] for step in told] == [(1, 3), (2, 2), (3, 1)]
-
-
 def test_steps_with_nothing_to_do_leave_bodies_at_rest() -> None:
     """A body at rest has no inside of its cones for the next step to go on from."""
     box = [[4.2, 20.0], [4.2, 0.0], [0.0, 0.0], [0.0, 20.0]]

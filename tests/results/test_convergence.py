@@ -9,7 +9,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 from convergence import distance, fitted_rate, norms
 from dolfinx import fem
@@ -18,7 +17,7 @@ from problems import block
 from rates import rate_plot
 from transfer import on_mesh_of
 
-from contact_locking import load, study_file
+from contact_locking import study_file
 from contact_locking.mesh import sources
 from contact_locking.mesh.domain import Domain
 from contact_locking.meshes.block import Block
@@ -61,15 +60,6 @@ def test_the_rate_of_a_power_is_its_exponent() -> None:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(
-    ("sizes", "errors"), [([1.0], [1.0]), ([1.0, 0.5], [1.0]), ([1.0, 0.5], [1.0, 0.0])]
-)
-def test_no_rate_without_two_errors_above_zero(sizes: list[float], errors: list[float]) -> None:
-    with pytest.raises(ValueError, match="a rate takes"):
-        fitted_rate(sizes, errors)
-
-
-@pytest.mark.serial
 def test_norms_of_a_known_field_are_exact() -> None:
     domain = grid(4)
     found = norms(field(domain, 1), domain, ("bottom",))
@@ -85,13 +75,6 @@ def test_a_coarse_field_is_the_same_on_a_nested_grid(dim: int) -> None:
     here = norms(u, coarse, ("bottom",))
     assert (there.v, there.l2) == pytest.approx((here.v, here.l2), rel=1e-12)
     assert there.contact == pytest.approx(here.contact, rel=1e-12)
-
-
-def test_the_distance_of_two_solutions_does_not_depend_on_the_ranks() -> None:
-    both = distance(solved(4), solved(8))
-    alone = distance(solved(4, MPI.COMM_SELF), solved(8, MPI.COMM_SELF))
-    assert (both.v, both.l2) == pytest.approx((alone.v, alone.l2), rel=1e-6)
-    assert both.contact == pytest.approx(alone.contact, rel=1e-6)
 
 
 @pytest.mark.serial
@@ -119,45 +102,6 @@ def test_theorem_4_9_the_locking_penalty_alone_has_rate_one_on_one_mesh() -> Non
 def test_theorem_4_9_the_contact_penalty_alone_has_rate_one_on_one_mesh() -> None:
     rate = measured_rate("epsilon", [1e-3, 1e-4, 1e-5], friction__coefficient=0.0)
     assert rate == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.serial
-def test_theorem_4_9_the_regularisation_of_friction_is_slower_than_the_contact_penalty() -> None:
-    values = [1e-4, 1e-5, 1e-6]
-    changes = ["mesh.h=0.0625", "penalty.n=.inf", "solver.method=auto"]
-    runs = [
-        solving.solve(
-            load(STUDIES / "theorem_4_9.yml", [*changes, f"penalty.epsilon={e}"]).parameters
-        )
-        for e in values
-    ]
-    errors = [run.summary["certificate"]["errors"][MEASURED] for run in runs]
-    rate = fitted_rate(values, [error["displacement_norm"] for error in errors])
-    assert rate == pytest.approx(0.7, abs=0.15)
-
-
-@pytest.mark.serial
-def test_theorem_4_9_the_bounds_hold_and_the_penalties_fall_with_rate_one_on_one_mesh() -> None:
-    sizes = [1e3, 1e4, 1e5]
-    bounds = [solved(8, penalty__n=n).summary["bounds"] for n in sizes]
-    assert all(entry["holds"] for found in bounds for entry in found.values())
-    for name in ("locking_penalty", "contact_penalty"):
-        rate = fitted_rate(sizes, [found[name]["value"] for found in bounds])
-        assert rate == pytest.approx(-1.0, abs=0.1)
-
-
-@pytest.mark.serial
-def test_the_locking_stress_settles_in_l1_and_grows_in_l2_and_at_its_peak() -> None:
-    study = script("locking_stress")
-    found = [study.norms(study.solved(divisions)) for divisions in (16, 32, 64)]
-    l1, square, peak = (np.array([row[k] for row in found]) for k in ("l1", "l2_squared", "max"))
-    assert np.diff(l1)[1] < 0.6 * np.diff(l1)[0]
-    # Like log(1/h): from each grid to the next by as much again.
-    assert np.diff(square)[1] == pytest.approx(np.diff(square)[0], rel=0.3)
-    assert np.diff(square)[1] > 0.2 * square[0]
-    assert peak[1:] / peak[:-1] == pytest.approx(2.0, rel=0.15)
-    for row in found:
-        assert np.abs(np.subtract(row["at"], [0.0, 1.0])).max() < row["h"]
 
 
 @pytest.mark.serial
@@ -217,12 +161,3 @@ def test_script_writes_a_table_that_can_be_drawn(
     assert rates and all(math.isfinite(rate) for rate in rates)
     rate_plot(panels, tmp_path / "figure.svg")
     assert (tmp_path / "figure.svg").stat().st_size > 10_000
-
-
-@pytest.mark.serial
-def test_the_error_for_a_given_friction_bound_falls_faster_than_proved() -> None:
-    study = script("a_priori_rate")
-    reference, cells = study.solved(32, degree=2), (4, 8, 16)
-    errors = [study.error(study.solved(number), reference) for number in cells]
-    rate = fitted_rate([1.0 / number for number in cells], errors)
-    assert 0.8 < rate < 1.05

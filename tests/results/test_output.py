@@ -7,28 +7,22 @@ import json
 from pathlib import Path
 from xml.etree import ElementTree
 
-import gmsh
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from problems import block, solved
+from problems import block
 from quadratic_bodies import square
 from slow import slow
 from solutions import made_up
-from test_elements import benchmark
 
 from contact_locking import solve
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.results import fields
 from contact_locking.results import folder as output_folder
-from contact_locking.results.solution import StudySolution
 from contact_locking.running import run as writing
-from contact_locking.running import solving
-from contact_locking.study_file import from_mapping
-from contact_locking.view import pictures
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
 FILES = TEXTS | {"fields.bp", "picture.png"}
@@ -146,17 +140,6 @@ def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
     assert listing(folder, comm) == {"file"}
 
 
-def test_a_picture_that_cannot_be_drawn_is_a_warning_and_the_rest_is_there(
-    folder: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def fail(solution: StudySolution, folder: Path) -> str:
-        return "no picture was drawn: no fonts"
-
-    monkeypatch.setattr(pictures, "picture", fail)
-    assert writing.write(made_up(), folder) == ["no picture was drawn: no fonts"]
-    assert listing(folder, comm) == FILES - {"picture.png"}
-
-
 def test_fields_can_be_written_as_xdmf(tmp_path: Path, comm: MPI.Intracomm) -> None:
     folder = comm.bcast(tmp_path)
     wanted = {"formats": ["xdmf"], "picture": False, "directory": "r"}
@@ -206,13 +189,6 @@ def test_a_large_file_has_the_fields_of_a_small_one(
             np.testing.assert_array_equal(small.read(name), large.read(name))
 
 
-def test_a_checkpoint_of_another_element_is_refused(comm: MPI.Intracomm, tmp_path: Path) -> None:
-    folder = comm.bcast(tmp_path)
-    writing.save(square(), folder)
-    with pytest.raises(InputError, match=r"is of another mesh or element"):
-        solving.solve(benchmark(4), comm, restart=folder)
-
-
 def test_fields_for_paraview_are_quadratic_in_each_cell() -> None:
     solution = square()
     found = {f.name: f for f in fields.discontinuous(solution)}
@@ -226,33 +202,3 @@ def test_fields_for_paraview_are_quadratic_in_each_cell() -> None:
     assert largest == pytest.approx(solution.summary["strain_norm_max_in_cells"])
     assert set(np.unique(found["locked"].x.array)) == {0.0, 0.5, 1.0}
     assert set(np.unique(found["contact_state"].x.array)) <= {0.0, 1.0, 2.0}
-
-
-@pytest.mark.serial
-def test_a_mesh_file_of_second_order_is_read_by_its_corners(tmp_path: Path) -> None:
-    path = tmp_path / "disk.msh"
-    gmsh.initialize(interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        disk = gmsh.model.occ.addDisk(0, 0, 0, 1, 1)
-        gmsh.model.occ.synchronize()
-        rim = [abs(tag) for _, tag in gmsh.model.getBoundary([(2, disk)])]
-        gmsh.model.addPhysicalGroup(2, [disk], name="body")
-        gmsh.model.addPhysicalGroup(1, rim, name="rim")
-        gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6)
-        gmsh.model.mesh.generate(2)
-        gmsh.model.mesh.setOrder(2)
-        gmsh.write(str(path))
-        gmsh.model.mesh.setOrder(1)
-        gmsh.write(str(tmp_path / "straight.msh"))
-    finally:
-        gmsh.finalize()
-    loads = {"displacements": [{"on": "rim", "value": [0, 0]}], "body_force": [0, -0.01]}
-    data = {"discretisation": {"degree": 2}, "contact": {"on": []}, "loads": loads}
-    energies = []
-    for name in ("disk.msh", "straight.msh"):
-        study = from_mapping(data | {"mesh": {"file": str(tmp_path / name)}})
-        summary = solved(study, MPI.COMM_SELF).summary
-        assert summary["discretisation"]["degree"] == 2
-        energies.append(summary["elastic_energy"])
-    assert energies[0] == pytest.approx(energies[1], rel=1e-9)

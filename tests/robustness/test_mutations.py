@@ -8,7 +8,6 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -40,23 +39,8 @@ WRONG_VALUES = (
 SYNTAX = (
     *("&a ", "*a", "<<: *a", "<<: {}", "!!python/object/apply:os.system [true] ", "!x "),
     *("!!binary aGk=", "? ", "| ", "> ", "|+\n", "%YAML 1.1\n---\n", "---\n", "...\n", "- ", ": "),
-    *(
-        ", ",
-        "[",
-        "]",
-        "{",
-        "}",
-        "'",
-        '"',
-        "#",
-        "\t",
-        "\n",
-        "\r",
-        "\r\n",
-        "\0",
-        "\x1b[31m",
-        "\ufeff",
-    ),
+    *(", ", "[", "]", "{", "}", "'", '"', "#", "\t", "\n", "\r", "\r\n"),
+    *("\0", "\x1b[31m", "\ufeff"),
     *("\u2028", "\u0085", "@", "`", "é", "\U0001f600", '"\\ud800"', "\\", "%"),
 )
 BOMB = "".join(f"b{k}: &b{k} [{', '.join([f'*b{k - 1}'] * 9)}]\n" for k in range(1, 12))
@@ -79,96 +63,44 @@ LARGE = (
 
 
 def mutate_text(text: bytes, random: Random) -> bytes:
-    """One to four changes of the bytes of a file."""
+    """One to four changes of the bytes of a file: a part of it gives way to something else."""
     for _ in range(random.randint(1, 4)):
-        text = random.choice(CHANGES)(text, random)
+        start, end = _part(text, random)
+        text = text[:start] + _other(text[start:end], text, random) + text[end:]
     return text
 
 
-def _flip(text: bytes, random: Random) -> bytes:
+def _part(text: bytes, random: Random) -> tuple[int, int]:
+    """A number, a name, a line, some bytes, or nothing at some place."""
+    kinds = [NUMBER, NAME, re.compile(rb"(?m)^.*$"), re.compile(rb"(?s).{0,40}"), None]
+    pattern = random.choice(kinds)
+    if pattern is not None and (found := list(pattern.finditer(text))):
+        return random.choice(found).span()
     place = random.randrange(len(text) + 1)
-    return text[:place] + bytes([random.randrange(256)]) + text[place + random.randint(0, 1) :]
+    return place, place
 
 
-def _cut(text: bytes, random: Random) -> bytes:
+def _other(part: bytes, text: bytes, random: Random) -> bytes:
+    """What a part gives way to: a piece of YAML, of the file or of itself, misspelt, or nothing."""
     start = random.randrange(len(text) + 1)
-    return text[:start] + text[start + random.randint(1, 40) :]
-
-
-def _truncate(text: bytes, random: Random) -> bytes:
-    return text[: random.randrange(len(text) + 1)]
-
-
-def _repeat(text: bytes, random: Random) -> bytes:
-    start = random.randrange(len(text) + 1)
-    end = start + random.randint(1, 60)
-    return text[:end] + text[start:end] * random.randint(1, 3) + text[end:]
-
-
-def _lines(text: bytes, random: Random) -> bytes:
-    """Drop, double, move, indent or join lines."""
-    lines = text.split(b"\n")
-    here, there = random.randrange(len(lines)), random.randrange(len(lines))
-    match random.randrange(5):
-        case 0:
-            del lines[here]
-        case 1:
-            lines.insert(there, lines[here])
-        case 2:
-            lines[here], lines[there] = lines[there], lines[here]
-        case 3:
-            blank = random.choice([b" ", b"  ", b"    ", b"\t", b"- "])
-            line = lines[here]
-            lines[here] = line.removeprefix(blank) if random.random() < 0.5 else blank + line
-        case _:
-            lines[here : here + 2] = [b" ".join(lines[here : here + 2])]
-    return b"\n".join(lines)
-
-
-def _replace(pattern: re.Pattern[bytes], new: Callable[[bytes, Random], bytes]) -> Any:
-    def change(text: bytes, random: Random) -> bytes:
-        found = list(pattern.finditer(text))
-        if not found:
-            return text
-        start, end = random.choice(found).span()
-        return text[:start] + new(text[start:end], random) + text[end:]
-
-    return change
-
-
-def _wrong_value(_: bytes, random: Random) -> bytes:
-    return random.choice(WRONG_VALUES).encode()
-
-
-def _misspelt(name: bytes, random: Random) -> bytes:
-    place = random.randrange(len(name))
+    pieces = [random.choice(WRONG_VALUES), random.choice(SYNTAX), random.choice(LARGE)]
     return random.choice(
         [
-            name[:place] + name[place + 1 :],
-            name[:place] + name[place : place + 1] + name[place:],
-            name[:place] + name[place : place + 2][::-1] + name[place + 2 :],
-            name.upper(),
-            name + b".x",
-            name.replace(b".", b".."),
+            *(piece.encode("utf-8", "surrogatepass") for piece in pieces),
+            text[start : start + random.randint(1, 60)] * random.randint(1, 3),
+            random.choice([b" ", b"    ", b"\t", b"- "]) + part,
+            _misspelt(part or b"x", random),
+            random.randbytes(1),
+            b"",
         ]
     )
 
 
-def _syntax(text: bytes, random: Random) -> bytes:
-    place = random.randrange(len(text) + 1)
-    return text[:place] + random.choice(SYNTAX).encode("utf-8", "surrogatepass") + text[place:]
+def _misspelt(name: bytes, random: Random) -> bytes:
+    place = random.randrange(len(name))
+    swapped = name[:place] + name[place : place + 2][::-1] + name[place + 2 :]
+    return random.choice([swapped, name[:place] + name[place + 1 :], name.upper(), name + b".x"])
 
-
-def _large(text: bytes, random: Random) -> bytes:
-    extra = random.choice(LARGE).encode()
-    return random.choice([extra + text, text + b"\n" + extra, extra])
-
-
-CHANGES: list[Callable[[bytes, Random], bytes]] = [
-    *(_flip, _cut, _truncate, _repeat, _lines, _lines, _syntax, _syntax, _large),
-    *[_replace(NUMBER, _wrong_value)] * 3,
-    *[_replace(NAME, _misspelt)] * 2,
-]
 
 ODD: tuple[Any, ...] = (
     *(None, True, False, 0, -1, 2, 3, 10**9, 10**400, -(10**30), 0.0, -0.0, 1e308, 5e-324, 0.5),
@@ -186,21 +118,15 @@ def mutate_data(data: Any, random: Random) -> Any:
         keys = list(spot) if isinstance(spot, dict) else list(range(len(spot)))
         if not keys:
             continue
-        key = random.choice(keys)
-        match random.randrange(5):
-            case 0:
-                spot[key] = copy.deepcopy(random.choice(ODD))
-            case 1:
-                del spot[key]
-            case 2:
-                # From elsewhere in the file.
-                spot[key] = copy.deepcopy(random.choice(_containers(data)))
-            case 3 if isinstance(spot, dict):
-                spot[_misspelt(str(key).encode() or b"x", random).decode()] = spot.pop(key)
-            case _ if isinstance(spot, list):
-                spot.append(copy.deepcopy(spot[key]))
-            case _:
-                spot[random.choice(("file", "extra", "n", "on", ""))] = spot[key]
+        key, elsewhere = random.choice(keys), copy.deepcopy(random.choice(_containers(data)))
+        value = random.choice([copy.deepcopy(random.choice(ODD)), elsewhere, spot[key]])
+        if random.random() < 0.3:
+            del spot[key]
+        elif isinstance(spot, list):
+            spot.insert(key, value)
+        else:
+            names = [key, key, _misspelt(str(key).encode() or b"x", random).decode(), "file", "on"]
+            spot[random.choice(names)] = value
     return data
 
 

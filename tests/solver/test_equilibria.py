@@ -16,7 +16,6 @@ from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results import in_words
 from contact_locking.results.solution import Solution
 from contact_locking.running import run as writing
 from contact_locking.running import solving
@@ -33,7 +32,6 @@ from contact_locking.theory.equilibria.search import (
     equilibria,
     has_map,
 )
-from contact_locking.view import report
 
 
 def _weakening(n: float = math.inf, length: float = 1e-4, **sections: Any) -> Study:
@@ -132,34 +130,6 @@ def _wedged() -> ProblemSolver:
 
 @pytest.mark.slow
 @pytest.mark.serial
-def test_branches_locate_the_folds_of_friction_that_falls(tmp_path: Path) -> None:
-    """The solutions at the whole coefficient have both indices, so there are three at least."""
-    output = {"fields": False, "picture": False}
-    data = _weakening(branches={"to": 1.05}, output=output)
-    solution = solving.solve(Parameters.model_validate(data), MPI.COMM_SELF)
-    found = solution.summary["branches"]
-    assert found["folds"][:2] == pytest.approx([0.7425, 0.6680], abs=1e-3)
-    assert found["leaves_at"] == found["folds"][0]
-    points = found["points"]
-    first = points["fold"].index(1)
-    second = points["fold"].index(1, first + 1)
-    assert set(points["index"][:first]) == {1}
-    assert set(points["index"][first + 1 : second]) == {-1}
-    assert points["index"][second + 1] == 1
-    writing.write(solution, tmp_path)
-    lines = (tmp_path / "branches.csv").read_text(encoding="utf-8").splitlines()
-    assert lines[0] == "share,pressure,bound,index,fold"
-    assert len(lines) == len(points["share"]) + 1
-    page = report.write(tmp_path)[-1].read_text(encoding="utf-8")
-    assert "A branch of solutions" in page
-    assert (tmp_path / "report" / "branches.svg").exists()
-    assert (
-        "turns at the shares 0.742" in dict(in_words.rows(solution.summary))["branch of solutions"]
-    )
-
-
-@pytest.mark.slow
-@pytest.mark.serial
 def test_the_branch_of_a_block_that_wedges_has_bounds_that_grow() -> None:
     solver = _wedged()
     found = diagram(solver.task, 1.2)
@@ -248,16 +218,6 @@ def test_a_block_that_touches_nothing_has_two_further_solutions() -> None:
     forces = sorted(solution.summary["contact_force"][1] for solution in found)
     np.testing.assert_allclose(forces, [0.0, 0.001514 / 6.0, 0.01983 / 6.0], rtol=1e-3, atol=1e-12)
     assert sorted(solution.summary["index"] for solution in found) == [-1, 1, 1]
-
-
-@pytest.mark.serial
-def test_a_solution_that_is_the_only_one_is_not_found_again() -> None:
-    top = {"on": "top", "value": [0.005766154728078064, -0.0035503511531850725]}
-    right = {"on": "right", "value": [0.019467886730568002, -0.03410015127565173]}
-    loads = {"displacements": [top], "tractions": [right]}
-    data = _third_block(2.0 / 3.0, {"poisson": 0.11307192278048947}, 10.858313132829654, loads)
-    data["contact"] = {"on": "bottom", "gap": -0.004294269749203719}
-    assert len(_solutions(Parameters.model_validate(data))) == 1
 
 
 @pytest.mark.serial

@@ -127,3 +127,8 @@ def test_options_that_have_an_effect_are_no_warning(comm: MPI.Intracomm) -> None
     solution = solve(parameters, comm)
     assert solution.converged
     assert "solver.unused_options" not in [each.code for each in solution.warnings]
+
+
+def test_an_unknown_factorisation_is_a_solve_that_fails_and_no_crash(comm: MPI.Intracomm) -> None:
+    given = {"pc_factor_mat_solver_type": "nonsense"}
+    assert not solve(block(h=0.25), comm, petsc_options=given).converged

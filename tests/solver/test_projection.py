@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from petsc4py import PETSc
 from problems import block
 from slow import slow
 from solved_by_cg import agree, solved
@@ -19,7 +18,7 @@ from contact_locking.solver.linear import tangent_solver
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.gmres import Gmres
 from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
-from contact_locking.solver.linear.multigrid import FilteredMultigrid, Projection
+from contact_locking.solver.linear.multigrid import FilteredMultigrid
 
 
 def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -45,19 +44,6 @@ def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
         monkeypatch.setitem(FILTER_LIMIT, (dim, degree), 0)
 
 
-def _count_rows(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """A list that gets the rows of each projection."""
-    counts: list[int] = []
-    create = Projection.__init__
-
-    def counted(self: Projection, rows: PETSc.Mat, *given: Any) -> None:
-        counts.append(rows.getSize()[0])
-        create(self, rows, *given)
-
-    monkeypatch.setattr(Projection, "__init__", counted)
-    return counts
-
-
 def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -67,26 +53,6 @@ def test_what_is_too_large_for_the_filter_is_projected_whatever_the_contrast(
     # At the end the stiffest cells are 1e12 times as stiff as the softest.
     assert max(counts) <= 25
     agree(projected, solved(math.inf, "direct"))
-
-
-def test_one_sided_limits_of_the_strain_are_projected_as_well(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    _project_everything(monkeypatch, 3)
-    made = _count_rows(monkeypatch)
-    # The pull stretches the body by more than this.
-    limits = [{"norm": "volume", "at_most": 0.005}]
-    material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking": limits}
-    direct, projected = (
-        solving.solve(
-            block(3, 1 / 4, mesh__structured=True, penalty__n=math.inf, material=material,
-                  solver__linear=linear)
-        )
-        for linear in ("direct", "iterative")
-    )  # fmt: skip
-    assert projected.converged, projected.summary["reason"]
-    assert max(made) > 0
-    agree(direct, projected)
 
 
 @pytest.mark.parametrize(("dim", "divisions"), [(2, 12), slow(3, 4)])
@@ -108,7 +74,6 @@ def test_projection_of_quadratic_elements_bears_any_contrast(
 
 
 _NEVER = 10**6
-FACTORISES = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
 
 
 @pytest.fixture
@@ -143,24 +108,6 @@ def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     else:
         assert 2 <= len(filterings) < tangents - 4
     agree(by_cg, solved(1e4, "direct"))
-
-
-def test_inexact_solves_take_three_tangents_more_at_most_at_n_infinite() -> None:
-    exact, inexact = (
-        solved(math.inf, linear).summary["iterations"]["tangents"]
-        for linear in ("direct", "iterative")
-    )
-    assert inexact <= exact + 3
-
-
-def test_users_may_factorise_instead() -> None:
-    agree(solved(1e4, "iterative", **FACTORISES), solved(1e4, "direct"))
-
-
-@pytest.mark.slow
-def test_users_may_precondition_otherwise() -> None:
-    by_gamg = solved(1e2, "iterative", pc_type="gamg", ksp_rtol="1e-10")
-    agree(by_gamg, solved(1e2, "direct"))
 
 
 def test_another_linear_solver_is_an_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -31,7 +31,6 @@ friction:
   smoothing: {radius: 0.2}
   regularisation: 1.0e-4
 """
-SPHERE = {"sphere": {"centre": [0, -1], "radius": 1}}
 
 
 @pytest.fixture
@@ -57,19 +56,6 @@ def test_a_part_takes_from_the_common_friction_what_it_does_not_say(file: Path) 
     assert wall.friction == Coulomb(
         coefficient=0.6, smoothing=Mollifier(kernel="none", radius=0.2), regularisation=1e-4
     )
-
-
-@pytest.mark.parametrize("contact", [[], {"on": []}, [{"on": []}]])
-def test_a_body_without_contact_has_no_parts(contact: Any) -> None:
-    parameters = from_mapping({"contact": contact})
-    assert parameters.contacts == () == parameters.contact_names
-
-
-def test_a_part_of_the_boundary_may_lie_between_two_foundations() -> None:
-    contact = [{"on": "bottom", "gap": 0.1}, {"on": ["bottom", "left"], "foundation": SPHERE}]
-    parameters = from_mapping({"contact": contact})
-    assert [part.on for part in parameters.contacts] == [("bottom",), ("bottom", "left")]
-    assert parameters.contact_names == ("bottom", "left")
 
 
 def test_a_study_varies_the_parts_by_their_number(file: Path) -> None:

@@ -84,23 +84,6 @@ def test_a_stiffness_may_vary_and_must_be_positive(comm: MPI.Intracomm) -> None:
         solve(pillar(loads__springs=[bed | {"stiffness": "x - 0.5"}]), comm)
 
 
-def test_springs_beside_contact_and_friction_keep_every_balance(comm: MPI.Intracomm) -> None:
-    """The model case on springs in place of its clamp, in steps, with a balance of energies."""
-    loads = {
-        "tractions": [{"on": "top", "value": ["0.02*t", "-0.05*t"]}],
-        "springs": [{"on": "left", "stiffness": 2.0}, {"on": "right", "stiffness": "1 + y"}],
-    }
-    found = solved(block(2, 0.25, loads=loads, steps={"to": 1.0, "count": 2}), comm)
-    summary = found.summary
-    assert summary["certificate"]["criteria"]["force_balance"]["value"] < 1e-8
-    forces = [summary["contact_force"], summary["friction_force"], *summary["reactions"].values()]
-    assert np.sum(forces, axis=0) == pytest.approx([-0.02, 0.05], rel=1e-6)
-    assert set(summary["reactions"]) == {"left", "right"}
-    row = found.history.rows[-1]
-    assert row["energy_defect"] < 1e-6 and row["stored"] > row["elastic_energy"] * 0.99
-    assert "reaction_left_x" in row
-
-
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_force_is_the_traction_with_this_resultant(dim: int, comm: MPI.Intracomm) -> None:
     size = [1.0, 0.5, 0.8] if dim == 3 else [2.0, 1.0]

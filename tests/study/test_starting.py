@@ -51,14 +51,6 @@ def test_new_writes_a_file_and_overwrites_none(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.yml", "study.yml"]
 
 
-def test_an_unknown_demo_is_refused_with_the_known_ones(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(["new", "--like", "hrtz", "-o", str(tmp_path / "study.yml")]) == 2
-    told = capsys.readouterr().err
-    assert "did you mean 'hertz'" in told and "block_3d" in told and not list(tmp_path.iterdir())
-
-
 def test_the_table_of_keys_has_every_key_once_below_its_builders() -> None:
     keys = [row.key for row in rows()]
     assert len(keys) == len(set(keys))

@@ -15,7 +15,7 @@ from msh import write_msh
 from small_meshes import Groups, Points
 
 from contact_locking.arrays import FloatArray
-from contact_locking.mesh.given_mesh import NamedFacets
+from contact_locking.mesh.parts import NamedFacets
 from contact_locking.mesh.xdmf import export
 
 # The corners of a quadrilateral and a hexahedron in Gmsh's order, as steps along the axes.

@@ -10,12 +10,11 @@ from mpi4py import MPI
 from problems import solved
 from sweep.case import Study
 
-from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.errors import InputError
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.running.solving import solve, solve_assembled
+from contact_locking.running.solving import solve
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
@@ -63,20 +62,6 @@ def test_resultants_prove_nothing_where_r_moves_the_bound() -> None:
     assert "needs 8.4, and friction holds 8" in why and "lower friction" not in advice
     far, _ = failure(pushed(2, 3.0, smoothing=_WIDE))
     assert "whatever the pressure (proved on this mesh)" in far
-
-
-def test_a_bound_of_the_users_own_is_judged_as_the_solver_reached_it() -> None:
-    class Own(FrictionBound):
-        def evaluate(self, pressure: Any, slip: Any) -> Any:
-            return super().evaluate(pressure, slip)
-
-    problem = assemble(pushed(2, 3.0), MPI.COMM_WORLD)
-    (contact,) = problem.contacts
-    contact.friction = Own(contact.surface, contact.friction.smoothing, contact.friction.law)
-    found = solve_assembled(problem)
-    assert not found.converged
-    assert "with the friction bound that the solver reached: it slides" in found.summary["reason"]
-    assert "which needs 12, and friction holds" in found.summary["reason"]
 
 
 def test_all_of_the_friction_is_used_at_the_limit() -> None:
@@ -171,23 +156,6 @@ def test_feet_that_slide_apart_hold_each_other() -> None:
     assert not found.summary["warnings"]
 
 
-def test_a_block_that_rubs_on_a_block_is_held_on_ranks_that_have_no_contact() -> None:
-    found = solved(
-        pushed(
-            2,
-            1.0,
-            mesh={"builder": "stack", "size": [10.0, 4.0], "upper": [6.0, 3.0], "h": 1.2},
-            loads={
-                "displacements": [{"on": "bottom", "value": [0.0, 0.0]}],
-                "tractions": [{"on": "top", "value": [1.25, -10.0]}],
-            },
-            contact={"on": "upper_bottom", "against": "lower_top", "pair": "once"},
-        )
-    )
-    assert found.summary["friction_force"][0] == pytest.approx(-7.5)
-    assert not found.summary["warnings"]
-
-
 def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mesh: Any) -> Any:
     return {
         "mesh": {"builder": "block", "dim": 2, "h": 0.2} | mesh,
@@ -196,27 +164,6 @@ def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mes
         "contact": {"on": "bottom", "gap": gap},
         "friction": {"coefficient": friction, "smoothing": {"kernel": "none"}},
     }
-
-
-_LET_GO = _block(
-    {
-        "tractions": [{"on": "right", "value": [1e-3, 0.0]}],
-        "supports": [{"on": "left", "along": [1.0, -0.2]}],
-    },
-    friction=0.0,
-) | {
-    "contact": [
-        {"on": "bottom"},
-        {
-            "on": "top",
-            "foundation": {
-                "half_space": {"point": [0, 1], "normal": [0, -1]},
-                "force": [0, "-(0.01*sin(pi*t))"],
-            },
-        },
-    ],
-    "penalty": {"n": 100.0},
-}
 
 
 def _pulled(pull: float, pressure: float, unit: float) -> dict[str, Any]:
@@ -264,23 +211,3 @@ def test_a_body_that_its_support_leads_off_the_foundation_is_refused(
     assert not last.converged
     assert f"{what} cannot hold the body" in last.summary["reason"]
     assert "translation along x and y" in last.summary["reason"]
-
-
-@pytest.mark.parametrize("linear", ["direct", "iterative"])
-def test_a_body_that_its_tool_lets_go_of_is_refused_however_far_the_tool_follows(
-    linear: str,
-) -> None:
-    """The rollers lead the body up as soon as the tool does not press any more."""
-    data = _LET_GO | {"steps": {"times": [0.5, 1.0], "least": 0.25}, "solver": {"linear": linear}}
-    *_, before, last = solving.solve_steps(Parameters.model_validate(data))
-    assert before.converged, before.summary["reason"]
-    assert not last.converged
-    assert "contact cannot hold the body" in last.summary["reason"]
-
-
-@pytest.mark.parametrize("unit", [1e-20, 1.0])
-def test_a_pull_below_the_friction_is_held(unit: float) -> None:
-    found = _solution(_block(_pulled(0.003, 0.00915, unit)))
-    assert found.converged, found.summary["reason"]
-    forces = np.add(found.summary["contact_force"], found.summary["friction_force"])
-    np.testing.assert_allclose(forces, [-0.003 * unit, 0.00915 * unit], rtol=1e-6)

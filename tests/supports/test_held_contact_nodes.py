@@ -67,20 +67,6 @@ def _guided(kernel: str = "convolution", n: float = math.inf, **changes: Any) ->
     return assemble(parameters, MPI.COMM_WORLD)
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
-def test_smoothing_leaves_out_what_held_nodes_carry(kernel: str, degree: int) -> None:
-    problem = _guided(kernel, discretisation__degree=degree)
-    (contact,) = problem.contacts
-    assert MPI.COMM_WORLD.allreduce(int(np.sum(~contact.free))) == 1
-    smoothing = contact.friction.smoothing
-    of_held_nodes = smoothing.apply((~contact.free).astype(float))
-    assert np.all(np.abs(of_held_nodes[contact.free]) < 1e-12)
-    constants = smoothing.apply(np.ones(len(contact.free)))
-    assert np.allclose(constants[contact.free], 1.0, rtol=1e-12)
-    problem.close()
-
-
 @pytest.mark.parametrize("kernel", ["convolution", "helmholtz"])
 def test_every_method_leaves_a_held_node_that_slides_without_friction(kernel: str) -> None:
     forces = []
@@ -123,18 +109,3 @@ def test_a_wrong_mask_of_the_solver_is_caught_by_the_certificate(
     found = solve_assembled(_guided(n=1e4, solver__method=method))
     criteria = found.summary["certificate"]["criteria"]
     assert not criteria[caught]["holds"] and not found.converged
-
-
-def test_a_contact_part_on_stiff_springs_along_its_surface_is_held_there() -> None:
-    """The way that the refusal of a displacement condition on a contact part names."""
-    loads = {
-        "tractions": [{"on": "top", "value": [0.01, -0.05]}],
-        "springs": [{"on": "bottom", "stiffness": 1e6, "along": [1, 0]}],
-    }
-    contact = {"on": "bottom", "friction": {"coefficient": 0.0}}
-    found = solved(block(h=0.5, loads=loads, contact=contact))
-    assert found.summary["contact_force"] == pytest.approx([0.0, 0.05], rel=1e-6, abs=1e-9)
-    assert found.summary["reactions"]["bottom"] == pytest.approx([-0.01, 0.0], rel=1e-6, abs=1e-9)
-    (fields,) = found.contacts
-    u = found.displacement.x.array.reshape(-1, 2)[fields.surface.blocks]
-    assert np.abs(u[:, 0]).max(initial=0.0) < 1e-6

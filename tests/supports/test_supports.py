@@ -16,11 +16,8 @@ from turned_supports import (
     differ,
     holds,
     nodal,
-    pressed,
-    rollers,
     solved,
     turn,
-    turned,
     vector,
 )
 
@@ -103,25 +100,6 @@ def test_bounds_and_constants_do_not_depend_on_the_position() -> None:
         assert found["bounds"][name]["bound"] == pytest.approx(bound["bound"], rel=1e-6)
 
 
-@pytest.mark.serial
-def test_a_proof_that_nothing_is_admissible_does_not_depend_on_the_position() -> None:
-    def factor(rotation: FloatArray, along: str) -> list[float]:
-        loads = rollers(2, rotation, along)
-        across: dict[str, Any] = {"on": "right", "along": vector(rotation[:, 0]), "value": 0.1}
-        foot: dict[str, Any] = {"on": "top", "along": vector(rotation[:, 1])}
-        if along == "component":
-            right = {"on": "right", "value": [0.1, None]}
-            loads["displacements"] += [right, {"on": "top", "value": [None, 0.0]}]
-        else:
-            loads["supports"] += [across, foot]
-        given = pressed(2, rotation, along, loads=loads, penalty__n=math.inf)
-        summary = solve_assembled(turned(given, rotation)).summary
-        assert not summary["converged"]
-        return list(summary["admissible_load_factor"])
-
-    assert factor(turn(2), "given") == pytest.approx(factor(np.eye(2), "component"), rel=1e-4)
-
-
 def sector(n: float, **changes: Any) -> Parameters:
     """A sector of 60 degrees of a ring between the radii 1 and 2, see :func:`bent`."""
     data: dict[str, Any] = {
@@ -178,11 +156,3 @@ def test_the_reactions_of_a_sector_balance() -> None:
     assert np.abs(total).max() < 1e-9
     # No part of the boundary has friction: the bottom pushes along y only.
     assert summary["reactions"]["bottom"][0] == pytest.approx(0.0, abs=1e-12)
-
-
-@pytest.mark.serial
-def test_a_locked_sector_keeps_the_limit() -> None:
-    solution = solve_assembled(bent(sector(math.inf, limit=0.008)))
-    assert solution.converged, solution.summary["reason"]
-    assert holds(solution)
-    assert solution.summary["locked_fraction"] > 0.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
-from turned_supports import nodal, pressed, turn, turned
+from turned_supports import nodal, turned
 
 from contact_locking import InputError
 from contact_locking.running.solving import solve_assembled
@@ -160,9 +160,3 @@ def test_a_body_that_its_normals_leave_free_to_turn_is_refused() -> None:
     }
     with pytest.raises(InputError, match="rotation"):
         assemble(from_mapping(given), MPI.COMM_WORLD)
-
-
-def test_a_guaranteed_bound_is_not_given_where_a_direction_is_held() -> None:
-    given = pressed(2, turn(2), "given", certificate__error_bound=True, penalty__n=math.inf)
-    errors = solve_assembled(turned(given, turn(2))).summary["certificate"]["errors"]
-    assert not errors["guaranteed"]["applicable"]

@@ -1,8 +1,7 @@
 """Random bodies on a block, by the package and by nodes against segments, side by side.
 
-`python3 -m sweep.by_segments --count 300` prints one line for each problem and a table.  A problem
-is solved with either side as `on`.  Its response is the contact force where the body is moved, and
-the work of the loads where it is pressed.  It is right if
+A problem is solved with either side as `on`.  Its response is the contact force where the body is
+moved, and the work of the loads where it is pressed.  It is right if
 
   response  with either side is within 5 % of the judge's, or within the error of the mesh,
   peak      no nodal pressure is above 2.5 times the largest one of the judge,
@@ -24,9 +23,6 @@ enters between nodes, the facets are halved, at most twice, and the finer mesh d
 
 from __future__ import annotations
 
-import argparse
-import multiprocessing
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -50,7 +46,8 @@ from .punches import Punch, punch
 LIMIT, OUTLIER, USED = 0.05, 2.5, 0.1
 # Facets are halved so often.
 HALVED = 2
-CHECKS = ("response", "peak", "friction", "swapped", "apart", "solved")
+#: The name of the family, which the sweep solves on demand.
+PUNCHES = "punches"
 
 
 class Apart(ContactLockingError):
@@ -200,42 +197,3 @@ def write(mesh: Mesh, path: Path) -> Path:
     points: Any = mesh.x.tolist()
     groups: dict[str, Any] = {name: (nodes + 1).tolist() for name, nodes in parts.items()}
     return write_msh(path, points, groups)
-
-
-def table(outcomes: Sequence[Compared]) -> str:
-    """Counts of what is wrong, of all problems and of kinds of them."""
-    kinds = ["", "degree 1", "degree 2", "plane", "axis", "sole", "flat", "fillet", "bevel"]
-    kinds += ["round", "sharp", "over", "moved", "pressed", "mu"]
-    lines = [f"{'problems':<10}{'n':>5}{'right':>8}{'by mesh':>9}{'halved':>8}"]
-    lines[0] += "".join(f"{name:>10}" for name in CHECKS)
-    for kind in kinds:
-        rows = [one for one in outcomes if kind in one.words]
-        counts = [sum(name in one.failed for one in rows) for name in CHECKS]
-        right, by_mesh = sum(not one.failed for one in rows), sum(one.by_mesh for one in rows)
-        halved = sum(bool(one.coarser) for one in rows)
-        line = f"{kind or 'all':<10}{len(rows):>5}{right:>8}{by_mesh:>9}{halved or '.':>8}"
-        lines.append(line + "".join(f"{count or '.':>10}" for count in counts))
-    errors = [one.judged.error for one in outcomes]
-    large = sum(error > LIMIT for error in errors)
-    lines.append(f"error of the mesh above 5 %: {large}, median {np.median(errors):.3f}")
-    return "\n".join(lines)
-
-
-def main(arguments: Sequence[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--count", type=int, default=300, help="problems")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
-    given = parser.parse_args(arguments)
-    seeds = range(given.first, given.first + given.count)
-    outcomes = []
-    with multiprocessing.get_context("spawn").Pool(given.jobs) as pool:
-        for outcome in pool.imap(compared, seeds):
-            outcomes.append(outcome)
-            print(outcome, flush=True)
-    print(table(outcomes))
-    return 1 if any(outcome.failed for outcome in outcomes) else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

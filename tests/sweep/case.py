@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-Random = np.random.Generator
 Study = dict[str, Any]
 
 # Where nothing locks, strains of this size keep a problem in the range of small strains.
@@ -65,6 +64,72 @@ class Case:
     row: str = ""
 
 
+class Random(np.random.Generator):
+    """Random numbers, and random parts of a study."""
+
+    @classmethod
+    def of(cls, *seed: int) -> Random:
+        return cls(np.random.PCG64(seed))
+
+    def chance(self, share: float = 0.5) -> bool:
+        return bool(self.random() < share)
+
+    def pick(self, choices: Sequence[Any]) -> Any:
+        return choices[int(self.integers(len(choices)))]
+
+    def between(self, low: float, high: float) -> float:
+        return float(f"{self.uniform(low, high):.5g}")
+
+    def decades(self, low: float, high: float) -> float:
+        """``10^x`` for x between two exponents."""
+        return float(f"{10.0 ** self.uniform(low, high):.4g}")
+
+    def vector(self, dim: int, size: float) -> list[float]:
+        return [float(f"{size * x:.6g}") for x in self.uniform(-1.0, 1.0, dim)]
+
+    def downwards(self, dim: int, size: float) -> list[float]:
+        """A vector whose last component presses down."""
+        *along, down = self.vector(dim, size)
+        return [*along, -abs(down) - 0.1 * size]
+
+    def unit_block(self, dim: int, fine: bool = False) -> Study:
+        """The unit block, of some tens to some hundreds of cells."""
+        sizes = {2: [0.25, 0.2, 0.15], 3: [0.5, 0.4, 0.35]}[dim]
+        return self.block([1.0] * dim, sizes[-1] if fine else self.pick(sizes))
+
+    def block(self, size: Sequence[float], h: float) -> Study:
+        mesh: Study = {"builder": "block", "dim": len(size), "size": list(size), "h": h}
+        return mesh | {"structured": self.chance()}
+
+    def limit(self) -> float:
+        return math.inf if self.chance(0.3) else self.decades(-3.5, -1.0)
+
+    def body(self) -> tuple[int, float, float]:
+        """The dimension, the limit, and the size of strains that make the limit interesting."""
+        dim, limit = self.pick([2, 2, 3]), self.limit()
+        return dim, limit, strain_size(limit)
+
+    def friction(self) -> float:
+        return float(self.pick([0.0, 0.2, 0.3, 0.5, 0.8, 1.0]))
+
+    def kernel(self, radius: float = 0.3) -> Study:
+        return {"kernel": self.pick(["convolution", "helmholtz", "none"]), "radius": radius}
+
+    def rubbing(self, mesh: Study, loads: Study, radius: Any = 0.3, **more: Any) -> Study:
+        """A study with friction: coefficient, radius (of several) and kernel are drawn last."""
+        friction = self.friction()
+        smoothing = self.kernel(self.pick(radius) if isinstance(radius, list) else radius)
+        return study(mesh, loads, friction=friction, smoothing=smoothing, **more)
+
+    def held_and_pressed(self, dim: int, stress: float, on: str = "top") -> Study:
+        """Loads of a body that is clamped on the left and pressed down on a side."""
+        loads: Study = {"tractions": [{"on": on, "value": self.downwards(dim, stress)}]}
+        loads["displacements"] = [clamp(dim)]
+        if self.chance(0.3):
+            loads["body_force"] = self.vector(dim, 0.5 * stress)
+        return loads
+
+
 Family = Callable[[Random], Case]
 FAMILIES: dict[str, Family] = {}
 
@@ -75,33 +140,6 @@ def family(function: Family) -> Family:
     return function
 
 
-def chance(random: Random, share: float = 0.5) -> bool:
-    return bool(random.random() < share)
-
-
-def pick(random: Random, choices: Sequence[Any]) -> Any:
-    return choices[int(random.integers(len(choices)))]
-
-
-def between(random: Random, low: float, high: float) -> float:
-    return float(f"{random.uniform(low, high):.5g}")
-
-
-def decades(random: Random, low: float, high: float) -> float:
-    """``10^x`` for x between two exponents."""
-    return float(f"{10.0 ** random.uniform(low, high):.4g}")
-
-
-def vector(random: Random, dim: int, size: float) -> list[float]:
-    return [float(f"{size * x:.6g}") for x in random.uniform(-1.0, 1.0, dim)]
-
-
-def downwards(random: Random, dim: int, size: float) -> list[float]:
-    """A random vector whose last component presses down."""
-    *along, down = vector(random, dim, size)
-    return [*along, -abs(down) - 0.1 * size]
-
-
 def down(dim: int, size: float) -> list[float]:
     return [0.0] * (dim - 1) + [-size]
 
@@ -110,42 +148,9 @@ def clamp(dim: int, on: Any = "left") -> Study:
     return {"on": on, "value": [0.0] * dim}
 
 
-def unit_block(random: Random, dim: int, fine: bool = False) -> Study:
-    """The unit block, of some tens to some hundreds of cells."""
-    sizes = {2: [0.25, 0.2, 0.15], 3: [0.5, 0.4, 0.35]}[dim]
-    h = sizes[-1] if fine else pick(random, sizes)
-    return _block([1.0] * dim, h, chance(random))
-
-
-def long_block(random: Random, size: Sequence[float], h: float) -> Study:
-    return _block(list(size), h, chance(random))
-
-
-def _block(size: list[float], h: float, structured: bool) -> Study:
-    return {
-        "builder": "block",
-        "dim": len(size),
-        "size": size,
-        "h": h,
-        "structured": structured,
-    }
-
-
-def some_limit(random: Random) -> float:
-    return math.inf if chance(random, 0.3) else decades(random, -3.5, -1.0)
-
-
 def strain_size(limit: float) -> float:
     """The size of strains that make a problem with this limit interesting."""
     return limit if math.isfinite(limit) else USUAL_STRAIN
-
-
-def some_friction(random: Random) -> float:
-    return pick(random, [0.0, 0.2, 0.3, 0.5, 0.8, 1.0])
-
-
-def some_kernel(random: Random, radius: float = 0.3) -> Study:
-    return {"kernel": pick(random, ["convolution", "helmholtz", "none"]), "radius": radius}
 
 
 def study(
@@ -176,16 +181,3 @@ def study(
         },
         "penalty": {"n": math.inf} if penalty is None else penalty,
     }
-
-
-def held_and_pressed(
-    random: Random, dim: int, stress: float, on: str = "top", **more: Any
-) -> Study:
-    """Loads of a body that is clamped on the left and pressed down on a side."""
-    loads: Study = {
-        "tractions": [{"on": on, "value": downwards(random, dim, stress)}],
-        "displacements": [clamp(dim)],
-    }
-    if chance(random, 0.3):
-        loads["body_force"] = vector(random, dim, 0.5 * stress)
-    return loads | more

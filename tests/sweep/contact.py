@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy.typing as npt
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components, dijkstra
 
-from .elements import Array, Body, Index, edges_of, value
+from .elements import Array, Body, Index, value
 
 Bools = npt.NDArray[np.bool_]
 
@@ -78,7 +79,7 @@ class Contact:
             return values, slopes
         # The nodal functions by Bernstein's: u_m = (c_1 + c_2)/4 + c_m/2 at the middles.
         change = np.eye(values.shape[1])
-        for n, (i, j) in enumerate(edges_of(points.shape[1]), start=points.shape[1]):
+        for n, (i, j) in enumerate(self._side.edges, start=self._side.corners):
             change[n, [i, j, n]] = 0.25, 0.25, 0.5
         return values @ change, np.einsum("qsa,st->qta", slopes, change)
 
@@ -87,7 +88,7 @@ class Contact:
         """Nodal values to the values that contact limits: 2 u_m - (u_1 + u_2)/2 at middles."""
         matrix, dim = sp.lil_matrix(sp.eye(len(self.nodes))), self.body.dim
         if self.body.quadratic:
-            for n, (i, j) in enumerate(edges_of(dim), start=dim):
+            for n, (i, j) in enumerate(self._side.edges, start=dim):
                 for facet in self.facets:
                     matrix[facet[n], [facet[i], facet[j], facet[n]]] = -0.5, -0.5, 2.0
         return matrix.tocsr()
@@ -142,12 +143,7 @@ class Contact:
     def outward(self) -> Array:
         """(k, d) the normals of the body, averaged over facets."""
         found = np.zeros_like(self.x)
-        dim = self.body.dim
-        nodes = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])
-        if not self._side.is_box:
-            middles = [0.5 * (np.eye(dim)[i] + np.eye(dim)[j]) for i, j in edges_of(dim)]
-            nodes = np.array([*np.eye(dim), *middles])[: self.facets.shape[1]]
-        np.add.at(found, self.facets, self.body.normals(self._given, nodes))
+        np.add.at(found, self.facets, self.body.normals(self._given, self._side.element.points))
         if self.body.mesh.axisymmetric:
             found[self.x[:, 0] <= 1e-12 * np.ptp(self.body.mesh.x[:, 0]), 0] = 0.0
         return np.asarray(found / np.linalg.norm(found, axis=1)[:, None])
@@ -233,7 +229,7 @@ class Contact:
         """The values of a gap that contact limits, at most the largest of an edge, at least the
         least."""
         found = self.controls @ gap
-        for n, (i, j) in enumerate(edges_of(self.body.dim), start=self.body.dim):
+        for n, (i, j) in enumerate(self._side.edges, start=self.body.dim):
             if self.body.quadratic:
                 edge = gap[self.facets[:, [i, j, n]]]
                 middle = self.facets[:, n]
@@ -295,9 +291,9 @@ class Contact:
         """The lengths between neighbours on the pieces into which the nodes divide facets."""
         dim, count = self.body.dim, len(self.nodes)
         pieces = self.facets[joins]
-        pairs = [pieces[:, [i, j]] for i, j in edges_of(self._side.corners)]
+        pairs = [pieces[:, [i, j]] for i, j in combinations(range(self._side.corners), 2)]
         if self.body.quadratic:
-            middles = list(enumerate(edges_of(dim), start=dim))
+            middles = list(enumerate(self._side.edges, start=dim))
             pairs = [pieces[:, [i, n]] for n, (i, j) in middles]
             pairs += [pieces[:, [j, n]] for n, (i, j) in middles]
             pairs += [pieces[:, [n, m]] for n, _ in middles for m, _ in middles if n < m]

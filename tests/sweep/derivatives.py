@@ -1,14 +1,10 @@
 """Derivatives of random problems of the sweep against central differences of two widths.
 
-    make derivatives PROBLEMS=300 FIRST=0
-
-A problem has one random number of its study, and each quantity that has a derivative.  The share of
-derivatives that are within 1e-3, and the worst of those that nothing marks, are printed.
+A problem has one random number of its study, and each quantity that has a derivative.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import copy
 from collections.abc import Iterator
@@ -141,37 +137,3 @@ def _names(parameters: Parameters) -> list[str]:
     if parameters.contacts:
         names += [f"contact_force.{dim - 1}", "friction_force.0", "pressure_max"]
     return names
-
-
-def main() -> None:
-    """Compare random problems of all families but those of pairs, and print the shares."""
-    from .families import FAMILIES, case_of
-
-    given = argparse.ArgumentParser()
-    given.add_argument("problems", type=int)
-    given.add_argument("--first", type=int, default=0)
-    words = given.parse_args()
-    families, errors, done = list(FAMILIES), [], 0
-    for number in range(words.first, words.first + 20 * words.problems):
-        name, seed = families[number % len(families)], number // len(families)
-        case = case_of(name, seed)
-        found = None if case.verge is not None else compared(case.study, number)
-        if found is None or not found.errors:
-            continue
-        done += 1
-        errors += [(error, found.marked) for error in found.errors.values()]
-        worst = max(found.errors.values())
-        mark = "marked" if found.marked else ""
-        right = sum(error <= RIGHT for error in found.errors.values())
-        share = f"{right} of {len(found.errors)}"
-        print(f"{number:9} {name:16} {found.key:32} {share} {worst:8.1e} {mark}", flush=True)
-        if done == words.problems:
-            break
-    within = np.mean([error <= RIGHT for error, _ in errors])
-    unmarked = max((error for error, marked in errors if not marked), default=0.0)
-    print(f"{done} problems, {len(errors)} derivatives: {100.0 * within:.1f} % within {RIGHT:g}")
-    print(f"the worst that nothing marks: {unmarked:.1e}")
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""The body of a study in NumPy and SciPy alone: strains, stresses and nodal forces.
+"""The body of a study in NumPy, SciPy and basix: strains, stresses and nodal forces.
 
 Strains and stresses are vectors in Mandel's notation: xx, yy, sqrt2 xy in the plane; rr, zz, hoop,
 sqrt2 rz around an axis; xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy in space.
@@ -10,9 +10,9 @@ import ast
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
 from typing import Any
 
+import basix
 import numpy as np
 import numpy.typing as npt
 import scipy.sparse as sp
@@ -62,114 +62,46 @@ class Mesh:
         return int(self.x.shape[1])
 
 
-def simplex_rule(dim: int, count: int = 4) -> tuple[Array, Array]:
-    """Barycentric points (q, d + 1) and weights of sum 1, by Gauss's rule in collapsed axes."""
-    roots, gauss = np.polynomial.legendre.leggauss(count)
-    places: Array = 0.5 * (1.0 + roots)
-    weights: Array = 0.5 * gauss
-    rows: Array = np.ones((1, 1))
-    sizes: Array = np.ones(1)
-    for axis in range(dim):
-        # Split the last coordinate into two shares.
-        last = rows[:, -1:]
-        split = np.kron(last, places[:, None])
-        kept = np.repeat(rows, count, axis=0)
-        rows = np.hstack([kept[:, :-1], split, kept[:, -1:] - split])
-        density = (1.0 - places) ** (dim - 1 - axis)
-        sizes = np.asarray(np.kron(sizes, weights * density), dtype=np.float64)
-    return rows, sizes / sizes.sum()
+_CELLS = {
+    (1, 2): ("interval", 1),
+    (1, 3): ("interval", 2),
+    (2, 3): ("triangle", 1),
+    (2, 6): ("triangle", 2),
+    (2, 4): ("quadrilateral", 1),
+    (3, 4): ("tetrahedron", 1),
+    (3, 10): ("tetrahedron", 2),
+    (3, 8): ("hexahedron", 1),
+}
 
 
-def edges_of(count: int) -> list[tuple[int, int]]:
-    """The pairs of corners of a simplex with ``count`` corners."""
-    return list(combinations(range(count), 2))
-
-
-@dataclass(frozen=True)
 class Reference:
-    """A simplex of degree 1 or 2, or a box of degree 1, with ``dim`` axes.
+    """A simplex of degree 1 or 2, or a box of degree 1, with ``dim`` axes, as basix has it."""
 
-    Points of a simplex are barycentric, and those of a box are in the unit box.
-    """
-
-    dim: int
-    nodes: int
-
-    @property
-    def is_box(self) -> bool:
-        return self.dim > 1 and self.nodes == 1 << self.dim
-
-    @property
-    def corners(self) -> int:
-        return self.nodes if self.is_box else self.dim + 1
-
-    @property
-    def size(self) -> float:
-        return 1.0 if self.is_box else 1.0 / math.factorial(self.dim)
+    def __init__(self, dim: int, nodes: int) -> None:
+        name, degree = _CELLS[dim, nodes]
+        self.dim, self.nodes = dim, nodes
+        self.cell = basix.CellType[name]
+        self.element = basix.create_element(basix.ElementFamily.P, self.cell, degree)
+        self.is_box = name in ("quadrilateral", "hexahedron")
+        self.is_quadratic = degree == 2
+        #: The places of corners, and the corners of edges and sides.
+        self.places = np.asarray(basix.geometry(self.cell))
+        self.edges = [(int(a), int(b)) for a, b in basix.topology(self.cell)[1]]
+        self.sides = basix.topology(self.cell)[dim - 1]
+        self.corners = len(self.places)
 
     @property
     def middle(self) -> Array:
-        if self.is_box:
-            return np.full((1, self.dim), 0.5)
-        return np.full((1, self.dim + 1), 1.0 / (self.dim + 1))
+        return self.places.mean(axis=0, keepdims=True)
 
-    @property
-    def facets(self) -> list[list[int]]:
-        """The corners of each side."""
-        if not self.is_box:
-            return [[j for j in range(self.corners) if j != i] for i in range(self.corners)]
-        ends = [(axis, end) for axis in range(self.dim) for end in (0, 1)]
-        return [[i for i in range(self.nodes) if i >> axis & 1 == end] for axis, end in ends]
-
-    def rule(self, count: int = 4) -> tuple[Array, Array]:
-        """Points and weights of sum 1."""
-        if not self.is_box:
-            return simplex_rule(self.dim, count)
-        roots, gauss = np.polynomial.legendre.leggauss(count)
-        # The first axis is the fastest, as it is for corners.
-        grid = np.meshgrid(*[0.5 * (1.0 + roots)] * self.dim, indexing="ij")
-        sizes = np.meshgrid(*[0.5 * gauss] * self.dim, indexing="ij")
-        points = np.stack([axis.ravel() for axis in grid[::-1]], axis=1)
-        return points, np.prod([axis.ravel() for axis in sizes], axis=0)
+    def rule(self) -> tuple[Array, Array]:
+        """Four points of Gauss and Jacobi along each axis, and weights."""
+        return basix.make_quadrature(self.cell, 7, basix.QuadratureType.gauss_jacobi)
 
     def shapes(self, points: Array) -> tuple[Array, Array]:
         """Nodal functions (q, s) and their derivatives (q, s, a) along the axes."""
-        if self.is_box:
-            ends = np.array(
-                [[i >> axis & 1 for axis in range(self.dim)] for i in range(self.nodes)]
-            )
-            factors = np.where(ends == 1, points[:, None], 1.0 - points[:, None])
-            along = [
-                (2 * ends[:, axis] - 1) * np.delete(factors, axis, axis=2).prod(axis=2)
-                for axis in range(self.dim)
-            ]
-            return factors.prod(axis=2), np.stack(along, axis=2)
-        q, c = points.shape
-        values, slopes = points, np.broadcast_to(np.eye(c), (q, c, c))
-        if self.nodes > c:
-            pairs = edges_of(c)
-            values, slopes = np.zeros((q, self.nodes)), np.zeros((q, self.nodes, c))
-            for i in range(c):
-                values[:, i] = points[:, i] * (2.0 * points[:, i] - 1.0)
-                slopes[:, i, i] = 4.0 * points[:, i] - 1.0
-            for n, (i, j) in enumerate(pairs, start=c):
-                values[:, n] = 4.0 * points[:, i] * points[:, j]
-                slopes[:, n, i], slopes[:, n, j] = 4.0 * points[:, j], 4.0 * points[:, i]
-        return values, slopes[..., 1:] - slopes[..., :1]
-
-
-def ordered(x: Array, nodes: Index, dim: int) -> Index:
-    """Nodes of simplices with their middles in the order of ``edges_of``, found by their place."""
-    corners = Reference(dim, nodes.shape[1]).corners
-    if nodes.shape[1] == corners:
-        return nodes
-    found = nodes.copy()
-    middles = x[nodes[:, corners:]]
-    for n, (i, j) in enumerate(edges_of(corners)):
-        middle = 0.5 * (x[nodes[:, i]] + x[nodes[:, j]])
-        which = np.linalg.norm(middles - middle[:, None], axis=2).argmin(axis=1)
-        found[:, corners + n] = nodes[np.arange(len(nodes)), corners + which]
-    return found
+        values, *slopes = self.element.tabulate(1, points)[..., 0]
+        return values, np.stack(slopes, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -191,22 +123,19 @@ class Body:
 
     def __init__(self, mesh: Mesh, study: dict[str, Any]) -> None:
         self.mesh, self.study, self.dim = mesh, study, mesh.dim
-        self.cell = Reference(self.dim, mesh.cells.shape[1])
-        self.quadratic = self.cell.nodes > self.cell.corners
+        self.cells, self.cell = mesh.cells, Reference(self.dim, mesh.cells.shape[1])
+        self.quadratic = self.cell.is_quadratic
         self.at_vertices = not mesh.axisymmetric
-        self.cells = ordered(mesh.x, mesh.cells, self.dim)
-        c = self.dim + 1
+        # The middle, or the corners drawn towards it, which is Gauss's rule inside of the cell.
+        points, middle = self.cell.places, self.cell.middle
         if self.cell.is_box:
-            self.law = self._points(*self.cell.rule(2))
+            points = middle + math.sqrt(1.0 / 3.0) * (points - middle)
         elif not self.quadratic:
-            self.law = self._points(self.cell.middle, np.ones(1))
-        elif self.at_vertices:
-            self.law = self._points(np.eye(c), np.full(c, 1.0 / c))
-        else:
-            # Gauss's rule of degree 2.
-            near = {3: 2.0 / 3.0, 4: (5.0 + 3.0 * math.sqrt(5.0)) / 20.0}[c]
-            far = (1.0 - near) / (c - 1)
-            self.law = self._points(far + (near - far) * np.eye(c), np.full(c, 1.0 / c))
+            points = middle
+        elif not self.at_vertices:
+            points = middle + 0.5 * (points - middle)
+        size = float(self.cell.rule()[1].sum())
+        self.law = self._points(points, np.full(len(points), size / len(points)))
 
     def _points(self, local: Array, shares: Array) -> Points:
         dim = self.dim
@@ -215,7 +144,7 @@ class Body:
         # J_ad, the derivative of x_d along the axis a.
         jacobians = self.along(self.cells, self.cell, local)
         grads = np.einsum("qsa,kqda->kqsd", slopes, np.linalg.inv(jacobians))
-        weights = np.abs(np.linalg.det(jacobians)) * self.cell.size * shares
+        weights = np.abs(np.linalg.det(jacobians)) * shares
         pairs = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)]}[dim]
         hoop = int(self.mesh.axisymmetric)
         m = dim + hoop + len(pairs)
@@ -294,7 +223,8 @@ class Body:
         """A at the points of the elastic stress."""
         if self.elastic is self.law:
             return self.stiffness
-        return np.einsum("qc,kcmn->kqmn", self.elastic.local, self.stiffness)
+        linear, _ = Reference(self.dim, self.dim + 1).shapes(self.elastic.local)
+        return np.einsum("qc,kcmn->kqmn", linear, self.stiffness)
 
     def thermal_stress(self, points: Points) -> Array:
         """``A eps_0`` (c, p, m); across a plane acts Lame's lambda of an isotropic law."""
@@ -376,7 +306,7 @@ class Body:
     def facets(self, names: str | list[str]) -> Index:
         """The facets of one or several parts of the boundary."""
         parts = [self.mesh.parts[name] for name in ([names] if isinstance(names, str) else names)]
-        return ordered(self.mesh.x, np.concatenate(parts), self.dim - 1)
+        return np.concatenate(parts)
 
     def side(self, facets: Index) -> Reference:
         return Reference(self.dim - 1, facets.shape[1])
@@ -396,7 +326,7 @@ class Body:
         if self.dim == 2:
             found = np.stack([edges[0][..., 1], -edges[0][..., 0]], axis=-1)
         else:
-            found = side.size * np.cross(edges[0], edges[1])
+            found = np.cross(edges[0], edges[1])
         inner = [self._inner[key] for key in _keys(facets[:, : side.corners])]
         away = self.mesh.x[facets[:, 0]] - np.array(inner).reshape(-1, self.dim)
         found *= np.sign(np.einsum("fqd,fd->f", found, away))[:, None, None]
@@ -409,7 +339,7 @@ class Body:
         middles = self.mesh.x[corners].mean(axis=1)
         return {
             key: middle
-            for side in self.cell.facets
+            for side in self.cell.sides
             for key, middle in zip(_keys(corners[:, side]), middles, strict=True)
         }
 
@@ -419,7 +349,7 @@ class Body:
         found = self.forces(self.thermal_stress(self.elastic), self.elastic)
         if loads.get("body_force"):
             jacobians = self.along(self.cells, self.cell, self.cell.rule()[0])
-            sizes = np.abs(np.linalg.det(jacobians)) * self.cell.size
+            sizes = np.abs(np.linalg.det(jacobians))
             found += self._integrated(self.cells, self.cell, sizes, loads["body_force"], time)
         for entry in loads.get("tractions", []):
             facets = self.facets(entry["on"])

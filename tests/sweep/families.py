@@ -6,46 +6,13 @@ import dataclasses
 import math
 import zlib
 
-import numpy as np
-
-from . import (
-    between,
-    bodies,
-    cells,
-    free,
-    frictions,
-    held,
-    materials,
-    processes,
-    rest,
-    scales,
-    shapes,
-    sticking,
-    supports,
-    thin,
-)
-from .case import FAMILIES, Case
+from . import blocks, frictions, materials, processes, shapes, supports, unseen
+from .case import FAMILIES, Case, Random
 from .pairs import PAIRS, pairs
 
 __all__ = ["FAMILIES", "MODULES", "PAIRS", "case_of"]
 
-MODULES = (
-    scales,
-    rest,
-    supports,
-    held,
-    free,
-    frictions,
-    materials,
-    shapes,
-    sticking,
-    processes,
-    between,
-    thin,
-    bodies,
-    cells,
-    free,
-)
+MODULES = (blocks, frictions, materials, processes, shapes, supports, unseen)
 
 
 def case_of(name: str, seed: int, linear: str = "auto", n: float | None = None) -> Case:
@@ -54,7 +21,7 @@ def case_of(name: str, seed: int, linear: str = "auto", n: float | None = None) 
     ``linear`` is the linear solver of the studies, and ``n`` the penalty in place of their own; a
     problem of pairs has its own.
     """
-    random = np.random.default_rng([zlib.crc32(name.encode()), seed])
+    random = Random.of(zlib.crc32(name.encode()), seed)
     if name == PAIRS:
         # The seed is the number of a row as well.
         return pairs(random, seed)

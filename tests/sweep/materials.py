@@ -6,29 +6,7 @@ import math
 
 import numpy as np
 
-from .case import (
-    Case,
-    Random,
-    Study,
-    Truth,
-    between,
-    chance,
-    clamp,
-    decades,
-    down,
-    downwards,
-    family,
-    held_and_pressed,
-    long_block,
-    pick,
-    some_friction,
-    some_kernel,
-    some_limit,
-    strain_size,
-    study,
-    unit_block,
-    vector,
-)
+from .case import Case, Random, Study, Truth, clamp, down, family, strain_size, study
 
 
 def _pressed(random: Random, mesh: Study, limit: float | str, **more: object) -> Case:
@@ -36,11 +14,11 @@ def _pressed(random: Random, mesh: Study, limit: float | str, **more: object) ->
     size = strain_size(limit if isinstance(limit, float) else 0.02)
     data = study(
         mesh,
-        held_and_pressed(random, dim, size * between(random, 0.2, 2.0)),
+        random.held_and_pressed(dim, size * random.between(0.2, 2.0)),
         limit=limit,
-        gap=pick(random, [0.0, 0.1 * size]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random),
+        gap=random.pick([0.0, 0.1 * size]),
+        friction=random.friction(),
+        smoothing=random.kernel(),
         **more,  # type: ignore[arg-type]
     )
     return Case(data, Truth(admissible=True))
@@ -49,45 +27,37 @@ def _pressed(random: Random, mesh: Study, limit: float | str, **more: object) ->
 @family
 def slender_beam(random: Random) -> Case:
     """A cantilever, 10 to 40 times as long as thick, above its foundation or on it."""
-    dim, length = pick(random, [2, 2, 3]), pick(random, [10.0, 20.0, 40.0])
-    mesh = long_block(random, [length, *[1.0] * (dim - 1)], 1.0 if dim == 3 else 0.5)
-    limit = some_limit(random)
-    load = strain_size(limit) / length**2 * decades(random, -0.5, 1.0)
+    dim, length = random.pick([2, 2, 3]), random.pick([10.0, 20.0, 40.0])
+    mesh = random.block([length, *[1.0] * (dim - 1)], 1.0 if dim == 3 else 0.5)
+    limit = random.limit()
+    load = strain_size(limit) / length**2 * random.decades(-0.5, 1.0)
     loads = {
-        "tractions": [{"on": "top", "value": downwards(random, dim, load)}],
+        "tractions": [{"on": "top", "value": random.downwards(dim, load)}],
         "displacements": [clamp(dim)],
     }
-    data = study(
-        mesh,
-        loads,
-        limit=limit,
-        gap=pick(random, [0.0, 0.1]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random, pick(random, [1.0, 4.0])),
-    )
+    data = random.rubbing(mesh, loads, limit=limit, gap=random.pick([0.0, 0.1]), radius=[1.0, 4.0])
     return Case(data, Truth(admissible=True))
 
 
 @family
 def tower(random: Random) -> Case:
     """A tower, clamped along one side or carried by the foundation alone."""
-    height = pick(random, [5.0, 10.0, 20.0])
-    mesh = long_block(random, [1.0, height], pick(random, [0.3, 0.5]))
-    limit = some_limit(random)
+    height = random.pick([5.0, 10.0, 20.0])
+    mesh = random.block([1.0, height], random.pick([0.3, 0.5]))
+    limit = random.limit()
     size = strain_size(limit)
-    sides = chance(random, 0.7)
+    sides = random.chance(0.7)
     held = clamp(2) if sides else {"on": "left", "value": [0.0, None]}
-    pressure = size * between(random, 0.1, 1.0)
-    value = downwards(random, 2, pressure) if sides else down(2, pressure)
+    pressure = size * random.between(0.1, 1.0)
+    value = random.downwards(2, pressure) if sides else down(2, pressure)
     loads = {"displacements": [held], "tractions": [{"on": "top", "value": value}]}
-    data = study(
+    data = random.rubbing(
         mesh,
         loads,
-        poisson=pick(random, [0.3, 0.4999]),
+        poisson=random.pick([0.3, 0.4999]),
         limit=limit,
-        gap=pick(random, [0.0, size]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random, pick(random, [0.3, 1.0])),
+        gap=random.pick([0.0, size]),
+        radius=[0.3, 1.0],
     )
     return Case(data, Truth(admissible=True))
 
@@ -95,27 +65,27 @@ def tower(random: Random) -> Case:
 @family
 def incompressible(random: Random) -> Case:
     """Poisson's ratio from 0.49 to 0.499999."""
-    poisson = 0.5 - decades(random, -6.0, -2.0)
-    mesh = unit_block(random, pick(random, [2, 2, 3]))
-    return _pressed(random, mesh, some_limit(random), poisson=poisson)
+    poisson = 0.5 - random.decades(-6.0, -2.0)
+    mesh = random.unit_block(random.pick([2, 2, 3]))
+    return _pressed(random, mesh, random.limit(), poisson=poisson)
 
 
 @family
 def auxetic(random: Random) -> Case:
     """Poisson's ratio from -0.95 to 0."""
-    mesh = unit_block(random, pick(random, [2, 2, 3]))
-    return _pressed(random, mesh, some_limit(random), poisson=between(random, -0.95, 0.0))
+    mesh = random.unit_block(random.pick([2, 2, 3]))
+    return _pressed(random, mesh, random.limit(), poisson=random.between(-0.95, 0.0))
 
 
 @family
 def contrast(random: Random) -> Case:
     """An inclusion 1e-8 to 1e8 times as stiff as the body, with the same limit or another."""
-    mesh = {"builder": "inclusion", "dim": 2, "h": pick(random, [0.12, 0.15])}
-    limit = some_limit(random)
+    mesh = {"builder": "inclusion", "dim": 2, "h": random.pick([0.12, 0.15])}
+    limit = random.limit()
     case = _pressed(random, mesh, limit)
-    inclusion: Study = {"elasticity": {"young": decades(random, -8.0, 8.0), "poisson": 0.3}}
-    if chance(random):
-        inclusion["locking_limit"] = pick(random, [math.inf, 0.3 * strain_size(limit)])
+    inclusion: Study = {"elasticity": {"young": random.decades(-8.0, 8.0), "poisson": 0.3}}
+    if random.chance():
+        inclusion["locking_limit"] = random.pick([math.inf, 0.3 * strain_size(limit)])
     case.study["material"]["regions"] = {"inclusion": inclusion}
     return case
 
@@ -123,67 +93,65 @@ def contrast(random: Random) -> Case:
 @family
 def limit_in_space(random: Random) -> Case:
     """M that varies, jumps by orders, or is tiny in a layer at the clamp."""
-    small = decades(random, -7.0, -2.0)
-    law = pick(
-        random,
+    small = random.decades(-7.0, -2.0)
+    law = random.pick(
         [
             f"{small} if x < 0.31 else 0.05",
             "0.01 + 0.05*x",
             f"{small} if y < 0.37 else inf",
             f"inf if x < 0.47 else {small}",
             "0.02*exp(-5*x)",
-        ],
+        ]
     )
-    return _pressed(random, unit_block(random, pick(random, [2, 2, 3])), law)
+    return _pressed(random, random.unit_block(random.pick([2, 2, 3])), law)
 
 
 @family
 def heated(random: Random) -> Case:
     """Heat, or strains along the axes, in the body or its inclusion; on springs or clamped."""
-    dim, limit = pick(random, [2, 2, 3]), some_limit(random)
-    size = strain_size(limit)
-    core = dim == 2 and chance(random, 0.3)
-    mesh = {"builder": "inclusion", "dim": 2, "h": 0.15} if core else unit_block(random, dim)
-    case = _pressed(random, mesh, limit, poisson=pick(random, [0.0, 0.3, 0.45]))
-    strain = size * between(random, -2.0, 2.0)
+    dim, limit, size = random.body()
+    core = dim == 2 and random.chance(0.3)
+    mesh = {"builder": "inclusion", "dim": 2, "h": 0.15} if core else random.unit_block(dim)
+    case = _pressed(random, mesh, limit, poisson=random.pick([0.0, 0.3, 0.45]))
+    strain = size * random.between(-2.0, 2.0)
     kinds: list[Study] = [
         {"value": strain},
         {"value": f"{strain}*(1 - 2*y)"},
-        {"value": vector(random, dim, size)},
+        {"value": random.vector(dim, size)},
         {"expansion": 1e-5, "temperature": f"{1e5 * strain}*x"},
     ]
-    chosen: Study = dict(pick(random, kinds))
+    chosen: Study = dict(random.pick(kinds))
     given = [chosen | {"on": "inclusion"} if core else chosen]
-    if chance(random, 0.3):
-        given.append({"value": vector(random, dim, 0.3 * size)})
+    if random.chance(0.3):
+        given.append({"value": random.vector(dim, 0.3 * size)})
     case.study["material"]["eigenstrain"] = given
     loads = case.study["loads"]
-    if chance(random, 0.6):
+    if random.chance(0.6):
         beds: list[Study] = [
-            {"on": "right", "stiffness": decades(random, -2.0, 2.0)},
-            {"on": "top", "stiffness": decades(random, -2.0, 2.0), "along": "normal"},
+            {"on": "right", "stiffness": random.decades(-2.0, 2.0)},
+            {"on": "top", "stiffness": random.decades(-2.0, 2.0), "along": "normal"},
             {
                 "on": "right",
-                "stiffness": decades(random, -1.0, 1.0),
-                "along": vector(random, dim, 1.0),
+                "stiffness": random.decades(-1.0, 1.0),
+                "along": random.vector(dim, 1.0),
             },
         ]
-        loads["springs"] = [pick(random, beds)]
-        if chance(random):
+        loads["springs"] = [random.pick(beds)]
+        if random.chance():
             del loads["displacements"]
-            loads["springs"].append({"on": "left", "stiffness": decades(random, -1.0, 2.0)})
+            loads["springs"].append({"on": "left", "stiffness": random.decades(-1.0, 2.0)})
     return case
 
 
 @family
 def anisotropic(random: Random) -> Case:
     """A random elliptic matrix in Mandel's notation."""
-    dim = pick(random, [2, 2, 3])
+    dim = random.pick([2, 2, 3])
     count = dim * (dim + 1) // 2
     frame = np.linalg.qr(random.standard_normal((count, count)))[0]
     eigenvalues = 10.0 ** random.uniform(-1.0, 1.0, count)
     matrix = np.round(frame @ np.diag(eigenvalues) @ frame.T, 6)
-    case = _pressed(random, unit_block(random, dim), some_limit(random))
+    case = _pressed(random, random.unit_block(dim), random.limit())
     stiffness = np.triu(matrix) + np.triu(matrix, 1).T
     case.study["material"]["elasticity"] = {"stiffness": stiffness.tolist()}
     return case
@@ -192,31 +160,31 @@ def anisotropic(random: Random) -> Case:
 @family
 def stiffness_in_space(random: Random) -> Case:
     """Young's modulus that varies or jumps in the body."""
-    law = pick(random, ["1 + 9*x", "exp(6*y)", "1e4 if y > 0.47 else 1", "1 if x > 0.37 else 1e-3"])
-    mesh = unit_block(random, pick(random, [2, 2, 3]))
-    return _pressed(random, mesh, some_limit(random), young=law)
+    law = random.pick(["1 + 9*x", "exp(6*y)", "1e4 if y > 0.47 else 1", "1 if x > 0.37 else 1e-3"])
+    mesh = random.unit_block(random.pick([2, 2, 3]))
+    return _pressed(random, mesh, random.limit(), young=law)
 
 
 @family
 def penalties(random: Random) -> Case:
     """Finite n and epsilon, each by itself, from 1e-3 to 1e10 of what has their unit."""
-    dim, young = pick(random, [2, 2, 3]), pick(random, [1.0, 1.0, 2.1e11, 1e-6])
-    n: float = pick(random, [math.inf, young * decades(random, -3.0, 10.0)])
+    dim, young = random.pick([2, 2, 3]), random.pick([1.0, 1.0, 2.1e11, 1e-6])
+    n: float = random.pick([math.inf, young * random.decades(-3.0, 10.0)])
     penalty: Study = {"n": n}
-    if chance(random, 0.7):
-        penalty["epsilon"] = decades(random, -10.0, 1.0) / young
+    if random.chance(0.7):
+        penalty["epsilon"] = random.decades(-10.0, 1.0) / young
     elif math.isinf(n):
-        penalty["n"] = young * decades(random, -3.0, 10.0)
-    limit = some_limit(random)
+        penalty["n"] = young * random.decades(-3.0, 10.0)
+    limit = random.limit()
     size = strain_size(limit)
     data = study(
-        unit_block(random, dim),
-        held_and_pressed(random, dim, young * size * between(random, 0.2, 2.0)),
+        random.unit_block(dim),
+        random.held_and_pressed(dim, young * size * random.between(0.2, 2.0)),
         young=young,
         limit=limit,
-        gap=pick(random, [0.0, 0.1 * size]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random),
+        gap=random.pick([0.0, 0.1 * size]),
+        friction=random.friction(),
+        smoothing=random.kernel(),
         penalty=penalty,
     )
     return Case(data, Truth(admissible=True))
@@ -225,19 +193,14 @@ def penalties(random: Random) -> Case:
 @family
 def huge_load(random: Random) -> Case:
     """Loads up to 1e7 times those that make the body lock: nearly all of it is rigid."""
-    dim, limit = pick(random, [2, 2, 3]), decades(random, -5.0, -1.0)
-    pressure = limit * decades(random, 1.0, 7.0)
+    dim, limit = random.pick([2, 2, 3]), random.decades(-5.0, -1.0)
+    pressure = limit * random.decades(1.0, 7.0)
     loads = {
-        "tractions": [{"on": "top", "value": downwards(random, dim, pressure)}],
+        "tractions": [{"on": "top", "value": random.downwards(dim, pressure)}],
         "displacements": [clamp(dim)],
     }
-    data = study(
-        unit_block(random, dim),
-        loads,
-        limit=limit,
-        gap=pick(random, [0.0, 0.1 * limit]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random),
+    data = random.rubbing(
+        random.unit_block(dim), loads, limit=limit, gap=random.pick([0.0, 0.1 * limit])
     )
     return Case(data, Truth(admissible=True))
 
@@ -245,30 +208,28 @@ def huge_load(random: Random) -> Case:
 @family
 def rest_admissible(random: Random) -> Case:
     """Large loads where u = 0 is within limit and gap: never infeasible."""
-    limit = decades(random, -4.5, -1.5)
-    kind = pick(random, ["rollers", "tower", "inclusion", "block"])
-    load = limit * decades(random, -0.5, 2.0)
-    value = [between(random, -1.0, 1.0) * load, -load]
+    limit = random.decades(-4.5, -1.5)
+    kind = random.pick(["rollers", "tower", "inclusion", "block"])
+    load = limit * random.decades(-0.5, 2.0)
+    value = [random.between(-1.0, 1.0) * load, -load]
     displacements: list[Study] = [clamp(2)]
-    mesh = unit_block(random, 2)
+    mesh = random.unit_block(2)
     if kind == "rollers":
         displacements = [{"on": ["left", "right"], "value": [0.0, None]}]
         value[0] = 0.0
     elif kind == "tower":
-        mesh = long_block(random, [1.0, 5.0], 0.3)
+        mesh = random.block([1.0, 5.0], 0.3)
     elif kind == "inclusion":
         mesh = {"builder": "inclusion", "dim": 2, "h": 0.15}
-    data = study(
+    data = random.rubbing(
         mesh,
         {"tractions": [{"on": "top", "value": value}], "displacements": displacements},
-        poisson=pick(random, [0.3, 0.4999]),
+        poisson=random.pick([0.3, 0.4999]),
         limit=limit,
-        gap=pick(random, [0.0, 0.1 * limit, limit, 1.0]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random),
+        gap=random.pick([0.0, 0.1 * limit, limit, 1.0]),
     )
     if kind == "inclusion":
-        stiff: Study = {"elasticity": {"young": decades(random, 1.0, 4.0), "poisson": 0.3}}
+        stiff: Study = {"elasticity": {"young": random.decades(1.0, 4.0), "poisson": 0.3}}
         data["material"]["regions"] = {"inclusion": stiff}
     return Case(data, Truth(admissible=True))
 
@@ -276,16 +237,14 @@ def rest_admissible(random: Random) -> Case:
 @family
 def impossible(random: Random) -> Case:
     """The ends pulled apart by more than the limit allows any path between them."""
-    dim, limit = pick(random, [2, 2, 3]), decades(random, -4.0, -1.0)
-    apart = vector(random, dim, 0.3 * limit)
-    apart[0] = limit * between(random, 1.2, 20.0)
-    data = study(
-        unit_block(random, dim),
+    dim, limit = random.pick([2, 2, 3]), random.decades(-4.0, -1.0)
+    apart = random.vector(dim, 0.3 * limit)
+    apart[0] = limit * random.between(1.2, 20.0)
+    data = random.rubbing(
+        random.unit_block(dim),
         {"displacements": [clamp(dim), {"on": "right", "value": apart}]},
         limit=limit,
-        gap=pick(random, [0.0, 0.1 * limit]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random),
+        gap=random.pick([0.0, 0.1 * limit]),
     )
     return Case(data, Truth(admissible=False))
 
@@ -293,14 +252,12 @@ def impossible(random: Random) -> Case:
 @family
 def verge(random: Random) -> Case:
     """Prescribed displacements at a share of the largest that this mesh admits."""
-    share = pick(random, [0.9, 0.99, 0.999, 1.001, 1.01])
-    dim, limit = pick(random, [2, 2, 3]), pick(random, [0.02, 1e-3])
-    data = study(
-        unit_block(random, dim),
-        {"displacements": [clamp(dim), {"on": "right", "value": vector(random, dim, limit)}]},
+    share = random.pick([0.9, 0.99, 0.999, 1.001, 1.01])
+    dim, limit = random.pick([2, 2, 3]), random.pick([0.02, 1e-3])
+    data = random.rubbing(
+        random.unit_block(dim),
+        {"displacements": [clamp(dim), {"on": "right", "value": random.vector(dim, limit)}]},
         limit=limit,
-        gap=pick(random, [0.0, 0.1 * limit]),
-        friction=some_friction(random),
-        smoothing=some_kernel(random),
+        gap=random.pick([0.0, 0.1 * limit]),
     )
     return Case(data, Truth(admissible=share < 1.0), verge=share)

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from .case import Case, Random, Study, between, decades, pick
+from .case import Case, Random, Study
 from .covering import Row
 from .pair_features import LOOSE, rows
 
@@ -56,11 +56,11 @@ class _Draft:
         # Whether what holds the body lets it slide where loads may press it.
         self.slides = self.loose and row["support"] != "normal"
         self.timed = row["time"] != "static"
-        self.s = decades(random, -4.0, -2.0)
-        share = {"none": math.inf, "tight": 0.5}.get(row["limit"], between(random, 1.0, 4.0))
+        self.s = random.decades(-4.0, -2.0)
+        share = {"none": math.inf, "tight": 0.5}.get(row["limit"], random.between(1.0, 4.0))
         self.limit = self.s * share
         self.depth = 0.15 * min(self.s, self.limit)
-        self.room = pick(random, [0.0, 0.2, 1.0]) * self.depth
+        self.room = random.pick([0.0, 0.2, 1.0]) * self.depth
         idle = row["load"] == "none" and row["motion"] == "none" and row["support"] != "moved"
         if idle and not self.loose:
             self.room = -self.depth
@@ -98,7 +98,7 @@ class _Draft:
 
     def _mesh(self) -> tuple[_Body, Study]:
         random, dim, name = self.random, self.dim, self.row["body"]
-        width, height = between(random, 1.0, 1.6), between(random, 0.8, 1.2)
+        width, height = random.between(1.0, 1.6), random.between(0.8, 1.2)
         fine = self.row["element"] == "linear"
         h = {2: 0.15 if fine else 0.25, 3: 0.35 if fine else 0.5}[dim]
         mesh: Study = {"h": self._at(h)}
@@ -136,12 +136,12 @@ class _Draft:
 
     def _material(self) -> Study:
         random, kind, E = self.random, self.row["material"], self.young
-        poisson = 0.499 if kind == "incompressible" else between(random, 0.0, 0.45)
+        poisson = 0.499 if kind == "incompressible" else random.between(0.0, 0.45)
         elasticity: Study = {"young": E, "poisson": poisson}
         if kind == "graded":
             elasticity["young"] = f"{E}*(1.5 + {0.4 / self.length}*x)"
         elif kind == "lame":
-            elasticity = {"lambda": 0.6 * E, "mu": between(random, 0.2, 0.6) * E}
+            elasticity = {"lambda": 0.6 * E, "mu": random.between(0.2, 0.6) * E}
         elif kind == "matrix":
             count = 4 if self.axisymmetric else self.dim * (self.dim + 1) // 2
             frame = np.linalg.qr(random.standard_normal((count, count)))[0]
@@ -151,7 +151,7 @@ class _Draft:
         if self.row["kind"] == "plane_stress":
             material["plane"] = "stress"
         if self.row["body"] == "inclusion":
-            inner: Study = {"young": decades(random, -2.0, 2.0) * E, "poisson": 0.3}
+            inner: Study = {"young": random.decades(-2.0, 2.0) * E, "poisson": 0.3}
             material["regions"] = {"inclusion": {"elasticity": inner}}
         return material
 
@@ -176,7 +176,7 @@ class _Draft:
 
     def _loads(self) -> Study:
         row, body, kind = self.row, self.body, self.row["load"]
-        stress = self.s * self.young * between(self.random, 0.1, 0.5) * _LOADS.get(kind, 1.0)
+        stress = self.s * self.young * self.random.between(0.1, 0.5) * _LOADS.get(kind, 1.0)
         # What friction alone holds is not pulled by more than half of what presses it.
         pull = {"zero": 0.0, "small": 0.02}.get(row["friction"], 0.05)
         down = self._vector(*self._up(-stress, pull * stress))
@@ -302,7 +302,7 @@ class _Draft:
         coefficient: dict[str, float | str] = {
             "zero": 0.0,
             "small": 0.2,
-            "large": between(self.random, 1.0, 3.0),
+            "large": self.random.between(1.0, 3.0),
             "place": f"0.3 + {0.1 / L}*x",
             "slip": f"0.2 + 0.2/(1 + s/{self.s * L:.6g})",
         }
@@ -311,7 +311,7 @@ class _Draft:
         return {"coefficient": coefficient[kind], "smoothing": smoothing}
 
     def _penalty(self, friction: Study) -> Study:
-        kind, share = self.row["penalty"], decades(self.random, 2.0, 4.0)
+        kind, share = self.row["penalty"], self.random.decades(2.0, 4.0)
         slip = {"regularisation": self._at(self.s * 1e-3)}
         if kind != "exact":
             friction |= slip if kind != "soft" else {"regularisation": 0.0}

@@ -11,7 +11,7 @@ import gmsh
 import numpy as np
 from gmsh_groups import read
 
-from .case import Random, Study, between, chance, decades, pick
+from .case import Random, Study
 from .elements import Mesh
 
 Place = tuple[float, float]
@@ -52,24 +52,24 @@ def punch(seed: int, fineness: int = 1) -> Punch:
 
     A problem has facets that are ``fineness`` times as short as its first ones.
     """
-    random = np.random.default_rng([62, seed])
-    axisymmetric = chance(random, 0.4)
+    random = Random.of(62, seed)
+    axisymmetric = random.chance(0.4)
     right = _edge(random)
     left = Edge("axis") if axisymmetric else _edge(random)
-    ends = [pick(random, _ENDS) for _ in range(2)]
+    ends = [random.pick(_ENDS) for _ in range(2)]
     edges = [left, right]
     reach = [_reach(random, end, edge) for end, edge in zip(ends, edges, strict=True)]
     coarse = 1.0 / (fineness * int(random.integers(4, 11)))
-    ratio = 3.0 ** between(random, -1.0, 1.0)
+    ratio = 3.0 ** random.between(-1.0, 1.0)
     sizes = [coarse / max(1.0, ratio), coarse * min(1.0, ratio)]
-    heights = between(random, 0.4, 1.2), between(random, 0.5, 1.2)
+    heights = random.between(0.4, 1.2), random.between(0.5, 1.2)
     mesh = meshed(axisymmetric, (left, right), reach, sizes, heights)
-    young, deep = [decades(random, -1.0, 1.0) for _ in range(2)], chance(random)
-    load = pick(random, ["moved", "moved", "pressed"])
+    young, deep = [random.decades(-1.0, 1.0) for _ in range(2)], random.chance()
+    load = random.pick(["moved", "moved", "pressed"])
     # Under a larger pressure bodies that overhang lean on an edge of the block and slide off.
     high = [-1.8, -1.2] if load == "moved" else [-2.2, -1.7]
-    size = decades(random, *high) if deep else decades(random, -4.0, -2.0)
-    friction = pick(random, [0.0, 0.0, 0.1, 0.3])
+    size = random.decades(*high) if deep else random.decades(-4.0, -2.0)
+    friction = random.pick([0.0, 0.0, 0.1, 0.3])
     modulus = 1.0 / (1.0 / young[0] + 1.0 / young[1])
     loads: Study = {
         "displacements": [
@@ -88,17 +88,17 @@ def punch(seed: int, fineness: int = 1) -> Punch:
     study: dict[str, Any] = {
         "mesh": {"axisymmetric": axisymmetric},
         "material": {
-            "elasticity": {"young": young[0], "poisson": between(random, 0.0, 0.4)},
+            "elasticity": {"young": young[0], "poisson": random.between(0.0, 0.4)},
             "regions": {
-                "lower": {"elasticity": {"young": young[1], "poisson": between(random, 0.0, 0.4)}}
+                "lower": {"elasticity": {"young": young[1], "poisson": random.between(0.0, 0.4)}}
             },
         },
         "loads": loads,
         "friction": {"coefficient": friction, "smoothing": {"kernel": "none"}},
         "penalty": {"n": math.inf},
-        "discretisation": {"degree": pick(random, [1, 2])},
+        "discretisation": {"degree": random.pick([1, 2])},
     }
-    side = pick(random, ["sole", "sole", "flat"])
+    side = random.pick(["sole", "sole", "flat"])
     words = (
         f"degree {study['discretisation']['degree']} {'axis' if axisymmetric else 'plane'} "
         f"{left.kind}/{right.kind} {'/'.join(ends)} {side} {load} {size:.2g} "
@@ -109,16 +109,16 @@ def punch(seed: int, fineness: int = 1) -> Punch:
 
 
 def _edge(random: Random) -> Edge:
-    kind = pick(random, ["sharp", "fillet", "fillet", "bevel", "round"])
+    kind = random.pick(["sharp", "fillet", "fillet", "bevel", "round"])
     if kind == "sharp":
         return Edge(kind)
     if kind == "fillet":
-        radius = between(random, 0.15, 0.6)
+        radius = random.between(0.15, 0.6)
         return Edge(kind, radius, radius, radius)
-    width = between(random, 0.15, 0.5)
+    width = random.between(0.15, 0.5)
     if kind == "bevel":
-        return Edge(kind, width, width * math.tan(math.radians(between(random, 3.0, 50.0))))
-    radius = between(random, 1.0, 5.0)
+        return Edge(kind, width, width * math.tan(math.radians(random.between(3.0, 50.0))))
+    radius = random.between(1.0, 5.0)
     return Edge(kind, width, radius - math.sqrt(radius**2 - width**2), radius)
 
 
@@ -126,9 +126,7 @@ def _reach(random: Random, end: str, edge: Edge) -> float:
     """How far the block goes on beyond the end of the flat part."""
     if end == "flush":
         return 0.0
-    return (
-        between(random, -0.25, -0.05) if end == "over" else edge.width + between(random, 0.1, 1.5)
-    )
+    return random.between(-0.25, -0.05) if end == "over" else edge.width + random.between(0.1, 1.5)
 
 
 def meshed(

@@ -5,6 +5,8 @@
     make sweep LINEAR=iterative                       with multigrid in place of a factorisation
     make sweep N=1e4                                  with this penalty in place of the usual
     make sweep SEEDS=168 FAMILIES=pairs               all pairs of features
+    make punches                                      bodies with edges, by nodes against segments
+    make derivatives                                  of each problem, beside differences of solves
 
 Of what is not right, each problem is left in the folder of the results as a study file that
 `contact-locking run` takes, with the reason at its head.  The exit code is 1 if there is any.
@@ -14,21 +16,19 @@ from __future__ import annotations
 
 import argparse
 import io
-import math
 import multiprocessing
 import os
-import resource
 import signal
 import statistics
 import sys
-import threading
-import time
 from collections.abc import Iterator, Sequence
-from multiprocessing.connection import Connection
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from contact_locking.files.atomic import write_text
+from sweep.by_segments import PUNCHES
+from sweep.derivatives import RIGHT
 from sweep.solve import (
     BROKEN,
     CLAIM,
@@ -39,7 +39,12 @@ from sweep.solve import (
     WEDGED,
     WRONG,
     Outcome,
+    outcome_of,
 )
+
+KINDS = (SOLVED, INFEASIBLE, REFUSED, WEDGED, CLAIM, NOT_SOLVED, WRONG, BROKEN)
+# More tangents than these are many.
+_MANY = 50
 
 
 class Task(NamedTuple):
@@ -50,115 +55,31 @@ class Task(NamedTuple):
     checks: bool
     linear: str = "auto"
     n: float | None = None
+    derivatives: bool | None = None
 
 
-KINDS = (SOLVED, INFEASIBLE, REFUSED, WEDGED, CLAIM, NOT_SOLVED, WRONG, BROKEN)
-# More tangents than these are many.
-_MANY = 50
-# A process that waits for something takes no time of the processor: so many times the limit of that
-# it may take by the clock.
-_WAIT = 20
+def solved(task: Task, limit: float) -> Outcome:
+    """The outcome of a task, which is broken after ``limit`` seconds of the processor."""
 
+    def stop(*_: Any) -> None:
+        raise TimeoutError(f"no answer after {limit:g} s")
 
-class Worker:
-    """A process that solves many problems; one that hangs or dies is replaced."""
-
-    def __init__(self, limit: float) -> None:
-        self.limit = limit
-        self._context = multiprocessing.get_context("spawn")
-        self._start()
-
-    def _start(self) -> None:
-        self._connection, other = self._context.Pipe()
-        self._process = self._context.Process(target=_work, args=(other,), daemon=True)
-        self._process.start()
-        other.close()
-
-    def solve(self, task: Task) -> Outcome:
-        """The outcome of a task, also where the process does not live to tell it."""
-        start = time.perf_counter()
-        reason = f"no answer after {self.limit:g} s"
-        try:
-            self._connection.send((task, self.limit))
-            if self._connection.poll(_WAIT * self.limit):
-                outcome: Outcome = self._connection.recv()
-                return outcome
-        except (EOFError, OSError):
-            self._process.join(5.0)
-            if self._process.exitcode != -signal.SIGXCPU:
-                reason = f"the process died with {self._process.exitcode}"
-        self.stop()
-        self._start()
-        seconds = time.perf_counter() - start
-        study = _study(task)
-        return Outcome(task.family, task.seed, BROKEN, reason, seconds=seconds, study=study)
-
-    def stop(self) -> None:
-        self._connection.close()
-        self._process.kill()
-        self._process.join()
-
-
-def _study(task: Task) -> dict[str, Any]:
-    from sweep.families import case_of
-
-    return case_of(task.family, task.seed, task.linear, task.n).study
-
-
-def _work(connection: Connection) -> None:
-    """Solve what is asked for; a problem that takes more seconds than its limit ends the process.
-
-    They are seconds of the processor, so that other work on the machine makes no difference.
-    """
-    from sweep.solve import outcome_of
-
-    hard = resource.getrlimit(resource.RLIMIT_CPU)[1]
-    while True:
-        try:
-            task, limit = connection.recv()
-        except EOFError:
-            return
-        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(time.process_time() + limit), hard))
-        connection.send(outcome_of(*task))
+    signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, limit)
+    try:
+        return outcome_of(*task)
+    except TimeoutError as error:
+        return Outcome(task.family, task.seed, BROKEN, str(error))
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
 
 
 def sweep(tasks: Sequence[Task], jobs: int, limit: float) -> Iterator[Outcome]:
     """The outcomes as they come."""
-    todo = iter(tasks)
-    lock, ready = threading.Lock(), threading.Condition()
-    done: list[Outcome] = []
-    working = jobs
-
-    def drive() -> None:
-        nonlocal working
-        worker = Worker(limit)
-        try:
-            while True:
-                with lock:
-                    task = next(todo, None)
-                if task is None:
-                    break
-                outcome = worker.solve(task)
-                with ready:
-                    done.append(outcome)
-                    ready.notify()
-        finally:
-            worker.stop()
-            with ready:
-                working -= 1
-                ready.notify()
-
-    threads = [threading.Thread(target=drive, daemon=True) for _ in range(jobs)]
-    for thread in threads:
-        thread.start()
-    while True:
-        with ready:
-            while not done and working:
-                ready.wait()
-            if not done:
-                return
-            found, done[:] = done[:], []
-        yield from found
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context) as pool:
+        for outcome in as_completed([pool.submit(solved, task, limit) for task in tasks]):
+            yield outcome.result()
 
 
 def table(outcomes: Sequence[Outcome]) -> str:
@@ -199,6 +120,24 @@ def of_pairs(outcomes: Sequence[Outcome]) -> str:
     return f"pairs: {', '.join(shares)}"
 
 
+def of_punches(outcomes: Sequence[Outcome]) -> str:
+    """How many punches are right by the error of the mesh, or with halved facets alone."""
+    rows = [outcome.notes for outcome in outcomes if outcome.family == PUNCHES]
+    counts = (f"{sum(row[name] for row in rows)} {name}" for name in ("by mesh", "halved"))
+    return f"punches: {', '.join(counts)}" if rows else ""
+
+
+def of_derivatives(outcomes: Sequence[Outcome]) -> str:
+    """How many derivatives are right, and the worst of those that nothing marks; "" without any."""
+    rows = [row for outcome in outcomes for row in outcome.notes.get("derivatives", [])]
+    if not rows:
+        return ""
+    right = sum(error <= RIGHT for error, _ in rows)
+    worst = max((error for error, marked in rows if not marked), default=0.0)
+    share = f"{100.0 * right / len(rows):.1f} % within {RIGHT:g}"
+    return f"derivatives: {len(rows)}, {share}, the worst that nothing marks {worst:.1e}"
+
+
 def keep(outcome: Outcome, folder: Path) -> None:
     """Leave a study file of a problem that is not right, with the reason."""
     from ruamel.yaml import YAML
@@ -225,15 +164,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--n", type=float, help="the penalty, in place of the families' own")
     parser.add_argument("--limit", type=float, default=60.0, help="processor seconds for a problem")
     parser.add_argument("--output", type=Path, default=Path("results/sweep"))
+    parser.add_argument("--derivatives", action="store_true", help="of each problem")
     given = parser.parse_args(arguments)
     from sweep.families import FAMILIES, PAIRS
 
-    known = [*FAMILIES, PAIRS]
+    known = [*FAMILIES, PAIRS, PUNCHES]
     if unknown := [name for name in given.families if name not in known]:
         parser.error(f"no family {', '.join(unknown)}; there are: {', '.join(known)}")
     names = given.families or list(FAMILIES)
     tasks = [
-        Task(name, seed, (seed + 7 * place) % given.check_every == 0, given.linear, given.n)
+        Task(
+            name,
+            seed,
+            (seed + 7 * place) % given.check_every == 0,
+            given.linear,
+            given.n,
+            given.derivatives or None,
+        )
         for seed in range(given.first, given.first + given.seeds)
         for place, name in enumerate(names)
     ]
@@ -250,7 +197,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         elif sys.stderr.isatty():
             print(f"\r{len(outcomes)} of {len(tasks)}", end="\r", file=sys.stderr)
     outcomes.sort(key=lambda o: (names.index(o.family), o.seed))
-    text = "\n".join(filter(None, (table(outcomes), of_pairs(outcomes))))
+    texts = [part(outcomes) for part in (table, of_pairs, of_punches, of_derivatives)]
+    text = "\n".join(filter(None, texts))
     print(text)
     given.output.mkdir(parents=True, exist_ok=True)
     (given.output / "table.txt").write_text(text + "\n", encoding="utf-8")

@@ -20,7 +20,7 @@ from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
-from . import comparisons, derivatives, reference, unseen
+from . import by_segments, comparisons, derivatives, reference, unseen
 from .case import Case, Study, Truth
 from .elements import Mesh
 from .families import case_of
@@ -75,20 +75,32 @@ class Outcome:
 
 
 def outcome_of(
-    family: str, seed: int, checks: bool = False, linear: str = "auto", n: float | None = None
+    family: str,
+    seed: int,
+    checks: bool = False,
+    linear: str = "auto",
+    n: float | None = None,
+    with_derivatives: bool | None = None,
 ) -> Outcome:
-    """Make, solve and judge the problem of a seed; no exception leaves.
+    """Make, solve and judge the problem of a seed; no exception of a solve leaves.
 
-    One in ten has its derivatives judged as well, but at the verge of what is admissible, where a
-    step to one side has no solution.
+    Unless it is said, one in ten has its derivatives judged as well, but at the verge of what is
+    admissible, where a step to one side has no solution.
     """
+    if family == by_segments.PUNCHES:
+        punched = by_segments.compared(seed)
+        kind = WRONG if punched.failed else SOLVED
+        notes = {"by mesh": punched.by_mesh, "halved": bool(punched.coarser)}
+        return Outcome(family, seed, kind, str(punched), seconds=punched.seconds, notes=notes)
     case = case_of(family, seed, linear, n)
     outcome = outcome_of_case(case, checks, family, seed)
-    is_drawn = seed % _DERIVED == _DERIVED - 1 and case.verge is None
-    if outcome.kind == SOLVED and is_drawn:
+    if with_derivatives is None:
+        with_derivatives = seed % _DERIVED == _DERIVED - 1
+    if outcome.kind == SOLVED and with_derivatives and case.verge is None:
         found = derivatives.compared(case.study, seed)
         if found is not None:
-            outcome.notes["derivatives"] = max(found.errors.values(), default=0.0)
+            errors = [(error, found.marked) for error in found.errors.values()]
+            outcome.notes["derivatives"] = errors
         if found is not None and found.complaint():
             outcome.kind, outcome.reason = WRONG, found.complaint()
     return outcome

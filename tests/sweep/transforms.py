@@ -19,7 +19,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.domain import Domain
 
-from .case import Random, Study
+from .case import Study
 
 Value = float | str | None
 
@@ -40,7 +40,7 @@ class Transform:
         return cls(tuple(tuple(float(q) for q in row) for row in Q), length, stress)
 
     @classmethod
-    def random(cls, random: Random, dim: int, homogeneous: bool) -> Transform:
+    def random(cls, random: np.random.Generator, dim: int, homogeneous: bool) -> Transform:
         """A random symmetry of a cube, with loads down to 1e-30 if the solution is homogeneous."""
         Q = np.eye(dim)[random.permutation(dim)] * random.choice([-1.0, 1.0], dim)[:, None]
         transform = cls.of(Q, 10.0 ** random.uniform(-3.0, 3.0), 10.0 ** random.uniform(-6.0, 9.0))
@@ -48,7 +48,7 @@ class Transform:
         return replace(transform, load=load)
 
     @classmethod
-    def fitting(cls, random: Random, study: Study) -> Transform:
+    def fitting(cls, random: np.random.Generator, study: Study) -> Transform:
         """Other units, and a random orthogonal Q that keeps rollers along axes."""
         dim = study["mesh"].get("dim") or (3 if study["mesh"]["builder"] == "ball" else 2)
         found = cls.random(random, dim, homogeneous=False)

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .case import Truth
+from .case import Case, Random, Study, Truth, family, study
 from .elements import Array, Body, value
 from .judge import FORCE, Found, Judge
 from .observed import Moment
@@ -23,6 +23,64 @@ _FACTOR, _ENTRY = 1.7, 0.15
 _TOUCH, _TURN = 0.02, 0.7
 # Points of an edge of a cell or facet.
 _POINTS = 32
+# Words of the program about tools, loads and data.
+_TOOL_WORDS = ("between the nodes", "that the nodes miss")
+_LOAD_WORDS = ("changes too sharply", "its resultant is uncertain", "is zero at all points")
+_DATA_WORDS = ("where the mesh sees it", "changes from")
+
+
+def _mesh(random: Random, h: float) -> Study:
+    return random.block([2.0, 1.0], h)
+
+
+@family
+def between_nodes(random: Random) -> Case:
+    """A roller of about the size of a facet, pressed into a clamped block wherever it is."""
+    h = random.pick([0.2, 0.25, 0.34])
+    radius = h * random.decades(-0.6, 0.4)
+    depth = min(radius, h) * random.between(0.01, 0.4)
+    centre = [random.between(0.3, 1.7), 1.0 + radius - depth]
+    data = study(
+        _mesh(random, h),
+        {"displacements": [{"on": "bottom", "value": [0.0, 0.0]}]},
+        gap={"cylinder": {"centre": centre, "radius": radius}},
+        on="top",
+        friction=random.pick([0.0, 0.3]),
+        smoothing=random.kernel(2.5 * h),
+    )
+    return Case(data, Truth(told=_TOOL_WORDS))
+
+
+@family
+def narrow(random: Random) -> Case:
+    """A pressure, a limit or a coefficient that changes within a cell, down to thin spots."""
+    h = random.pick([0.2, 0.25, 0.34])
+    centre, half = random.between(0.2, 1.8), h * random.decades(-2.5, 0.3)
+    inside = f"abs(x - {centre}) < {half}"
+    what = random.pick(["load", "limit", "friction"])
+    size = random.decades(-4.0, -2.0)
+    pressure = random.between(0.1, 1.0) * size / min(half, 1.0)
+    loads: Study = {"displacements": [{"on": "left", "value": [0.0, 0.0]}]}
+    limit: float | str = 1.0
+    friction: float | str = random.pick([0.0, 0.3])
+    told: tuple[str, ...] = _DATA_WORDS
+    band = None
+    if what == "load":
+        loads["tractions"] = [{"on": "top", "value": [0.0, f"-{pressure} if {inside} else 0"]}]
+        told, band = _LOAD_WORDS, (centre, half, pressure)
+    else:
+        loads["tractions"] = [{"on": "top", "value": [0.3 * size, -size]}]
+        # Thinner than this a spot may fall between all points that are looked at.
+        half = max(half, 0.02 * h)
+        inside = f"abs(x - {centre}) < {half}"
+        if what == "limit":
+            limit = f"{size} if {inside} else {5.0 * size}"
+        else:
+            friction = f"0.6 if {inside} else 0.1"
+    data = study(
+        _mesh(random, h), loads, limit=limit, friction=friction, smoothing=random.kernel(2.5 * h)
+    )
+    return Case(data, Truth(told=told, band=band))
 
 
 def load_of_band(truth: Truth, body: Body) -> Array | None:

@@ -185,34 +185,6 @@ def test_the_bound_of_a_random_problem_is_not_below_the_distance_to_a_finer_mesh
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("seed", [1001, 1006])
-def test_the_bound_of_a_random_problem_of_degree_2_is_not_below_the_distance_to_a_finer_mesh(
-    seed: int,
-) -> None:
-    # Without friction both meshes have the same friction bound.
-    data = random_block(seed).model_dump(by_alias=True)
-    data["discretisation"] = QUADRATIC
-    data["friction"]["coefficient"] = 0.0
-    found = compared(Parameters.model_validate(data), 4, P2)
-    assert found is not None and found.bound["applicable"]
-    assert 1.0 < found.effectivity < 4.0
-
-
-@pytest.mark.serial
-def test_the_bound_of_the_block_of_degree_2_is_at_most_17_per_cent_where_it_locks() -> None:
-    found = bound(
-        block(
-            2,
-            1.0 / 32.0,
-            penalty__n=math.inf,
-            discretisation=QUADRATIC,
-            certificate__error_bound=True,
-        )
-    )
-    assert found["relative"] < 0.17
-
-
-@pytest.mark.serial
 def test_v6_the_bound_of_a_body_pressed_onto_a_parabola_is_not_below_the_error() -> None:
     # The control values of a parabola are those of the gap, which degree 2 meets exactly.
     press = {"displacements": [{"on": "top", "value": [0.0, -0.03]}]}
@@ -230,15 +202,6 @@ def test_v6_the_bound_of_a_body_pressed_onto_a_parabola_is_not_below_the_error()
     found = compared(given, 4, P2)
     assert found is not None and found.bound["applicable"]
     assert 1.0 < found.effectivity < 2.5
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-@pytest.mark.parametrize("divisions", [8, 16, 32])
-def test_the_effectivity_on_the_block_is_at_most_three_and_a_half(divisions: int) -> None:
-    found = compared(benchmark(divisions), 256 // divisions)
-    assert found is not None
-    assert 1.0 < found.effectivity < 3.5
 
 
 def pressed_column(pressure: float, n: float) -> dict[str, Any]:

@@ -142,14 +142,6 @@ def test_kappa_is_that_of_dense_matrices(degree: int) -> None:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("radius", [(0.2, 0.227), (0.1, 0.154)])
-def test_the_coefficients_up_to_which_a_block_has_one_solution(radius: tuple[float, float]) -> None:
-    r, largest = radius
-    found = uniqueness(block(h=1 / 32, friction__smoothing__radius=r))
-    assert 0.1 / found["kappa"] == pytest.approx(largest, rel=0.01)
-
-
-@pytest.mark.serial
 def test_rho_grows_with_refinement_where_r_keeps_constants_at_a_clamp() -> None:
     clamp = [{"on": "left", "value": [0.0, 0.0]}]
     rho = []

@@ -6,8 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from bounded_block import benchmark
-from certified import certificate
 from problems import block, with_changes
 
 from contact_locking.running import solving
@@ -70,8 +68,3 @@ def test_the_limit_load_of_a_stretched_bar_is_exact() -> None:
     found = solving.solve(stretched).summary["certificate"]["limit_load"]
     assert found["infeasible"] is True
     assert found["load_factor"][1] == pytest.approx(2.0 / 3.0, rel=1e-6)
-
-
-@pytest.mark.serial
-def test_a_body_that_is_only_loaded_has_no_limit_load() -> None:
-    assert "limit_load" not in certificate(benchmark(4))

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 import ufl
 from mpi4py import MPI
-from msh import MeshElements
 from problems import solved
-from small_meshes import grid, shared
 from sweep.case import Study
 
 from contact_locking.results.solution import StudySolution
@@ -76,25 +73,6 @@ def test_a_tool_that_no_force_pushes_may_travel() -> None:
     assert first[0] == OTHERS
     assert first[1].endswith("the tool on top along (0, -1)")
     assert second[0] == UNIQUE
-
-
-def test_the_part_that_has_play_is_named(comm: MPI.Intracomm, tmp_path: Path) -> None:
-    one, left = grid(0, 0, 1, 2)
-    two, right = grid(3, 0, len(one) + 1, 2)
-    sides: dict[str, MeshElements] = {
-        "left": [(1, 4), (4, 7)],
-        "coast": [(10, 13), (13, 16)],
-        "bottom": [(1, 2), (2, 3), (10, 11), (11, 12)],
-        "top": [(7, 8), (8, 9), (16, 17), (17, 18)],
-        "body": left,
-        "island": right,
-    }
-    path = shared(comm, tmp_path, one + two, sides)
-    held = [{"on": "left", "value": [0, 0]}, {"on": "coast", "value": [0, None]}]
-    given = study({"displacements": held}, between(), mesh={"file": str(path)})
-    verdict, why = said(solved(given, comm))
-    assert verdict == OTHERS
-    assert "part 2 of the body (island, from (3, 0) to (4, 1)), translation along y" in why
 
 
 def test_an_axisymmetric_body_has_play_along_its_axis() -> None:

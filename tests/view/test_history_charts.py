@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from seal import seal
@@ -11,11 +9,8 @@ from seal import seal
 from contact_locking import InputError, solve
 from contact_locking.results.output import UnitLabels
 from contact_locking.results.table import Table
-from contact_locking.running.cases import Outcome, row_of
-from contact_locking.running.run import run
 from contact_locking.study_file import from_mapping
-from contact_locking.view import report
-from contact_locking.view.report.run_charts import Process, column_of, history_charts, wanted_charts
+from contact_locking.view.report.run_charts import Process, column_of, wanted_charts
 
 pytestmark = pytest.mark.serial
 
@@ -86,26 +81,3 @@ def test_charts_need_steps_and_their_columns_are_checked_after_the_first() -> No
     with pytest.raises(InputError) as caught:
         solve(seal(output={"charts": charts}))
     assert caught.value.key == "output.charts.1.y"
-
-
-# It reads the files of the run, which rank 0 writes.
-def test_a_run_of_two_contacts_has_their_charts_and_units(tmp_path: Path) -> None:
-    output = {
-        "picture": False,
-        "fields": False,
-        "units": {"length": "mm", "force": "N"},
-        "charts": [CURVE],
-    }
-    parameters = seal(output=output)
-    last, _ = run(parameters, tmp_path)
-    (page,) = report.write(tmp_path)
-    charts = {path.stem for path in (tmp_path / "report").glob("*.svg")}
-    assert {"history-contact-force", "history-friction-force", "history-share"} <= charts
-    assert any(name.startswith("chart-0-") for name in charts)
-    text = page.read_text(encoding="utf-8")
-    assert "N/mm²" in text and '<th scope="col">plate</th>' in text
-    drawn = history_charts(last.history, ["bottom", "plate"], last.summary["units"])
-    (forces,) = (one for one in drawn if one.name == "history-contact-force")
-    assert "contact force on plate, y" in forces.description
-    row = row_of({}, "0" * 16, Outcome("converged", "", dict(last.summary)))
-    assert row["contacts.plate.contact_force.1"] == last.summary["contacts"][1]["contact_force"][1]

@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,19 +14,17 @@ import matplotlib.image
 import numpy as np
 import numpy.typing as npt
 import pytest
-from matplotlib.patches import Polygon
 from mpi4py import MPI
 from problems import block
-from solutions import made_up, of_kind, snapshot
-from tool_files import box
+from solutions import made_up, snapshot
 
 from contact_locking import solve, solve_steps
-from contact_locking.arrays import BoolArray, FloatArray
+from contact_locking.arrays import BoolArray
 from contact_locking.errors import NoRendering
 from contact_locking.running import run as writing
-from contact_locking.view.pictures import plane, space
+from contact_locking.view.pictures import space
 from contact_locking.view.pictures.gather import gather
-from contact_locking.view.pictures.style import Snapshot, drawn_tool, foundation, save, tool
+from contact_locking.view.pictures.style import save
 
 Image = npt.NDArray[np.uint8]
 
@@ -199,43 +196,6 @@ def test_without_pyvista_or_a_screen_the_reason_says_so(monkeypatch: pytest.Monk
         space.views(snapshot())
 
 
-# Counterclockwise, below the unit block.
-DIE = [[0.2, -0.4], [0.8, -0.4], [0.8, -0.03], [0.6, 0.0], [0.4, 0.0], [0.2, -0.03], [0.2, -0.4]]
-MOTION = {"translation": [0.05, "0.02*t"], "rotation": "0.1*t", "about": [0.5, 0.0]}
-
-
-def of_a_die() -> Snapshot:
-    """The second step of a block on a die that moves."""
-    contact = {"on": "bottom", "foundation": {"polyline": DIE, "motion": MOTION}}
-    given = block(2, 0.25, contact=contact, steps={"times": [0.5, 1.0]}, penalty__n=1e3)
-    *_, last = solve_steps(given)
-    body = gather(last)
-    assert body is not None
-    return body
-
-
-def moved(points: FloatArray) -> FloatArray:
-    """Where the motion has brought points (m, 2) at t = 1."""
-    cosine, sine = np.cos(0.1), np.sin(0.1)
-    about = np.array([0.5, 0.0])
-    return about + (points - about) @ [[cosine, sine], [-sine, cosine]] + [0.05, 0.02]
-
-
-@pytest.mark.serial
-def test_a_polyline_is_drawn_at_its_place() -> None:
-    body = of_a_die()
-    wanted = moved(np.array(DIE))
-    (facets,) = body.contact.tools
-    assert np.vstack([facets[:, 0], facets[-1:, 1]]) == pytest.approx(wanted)
-    drawn = [
-        patch.get_xy()
-        for axes in plane.figure(body, {}).axes
-        for patch in axes.patches
-        if isinstance(patch, Polygon)
-    ]
-    assert any(len(xy) == len(DIE) and np.allclose(xy, wanted) for xy in drawn)
-
-
 @pytest.mark.serial
 def test_a_tool_of_any_shape_is_drawn_where_motion_and_force_have_brought_it() -> None:
     disc = {"sphere": {"centre": [0.5, -0.52], "radius": 0.5}, "motion": [0.1, "0.01*t"]}
@@ -253,24 +213,3 @@ def test_a_tool_of_any_shape_is_drawn_where_motion_and_force_have_brought_it() -
     ):
         ends = facets.reshape(-1, 2)
         assert np.linalg.norm(ends - centre, axis=1) == pytest.approx(0.5, abs=1e-4)
-
-
-def with_tools(kind: str, *tools: FloatArray) -> Snapshot:
-    body = gather(of_kind(3, kind))
-    assert body is not None
-    return replace(body, contact=replace(body.contact, tools=tools))
-
-
-@pytest.mark.serial
-def test_a_tool_beside_the_body_is_drawn_as_a_whole_and_a_large_one_as_ground() -> None:
-    small, large = box([0.3, 0.3, -0.5], [0.7, 0.7, 0.0]), box([-9, -9, -1], [9, 9, 0])
-    x = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
-    assert len(drawn_tool(small, x)) == 12 and len(drawn_tool(large, x)) == 0
-    assert len(drawn_tool(np.repeat(small, 2000, axis=0), x)) == 0
-    body = with_tools("locked", small)
-    (part,) = body.contact.parts()
-    assert np.array_equal(foundation(part, 1.0, 1.0), small)
-    # The displacement is magnified only over a uniform gap, where the ground moves with it.
-    assert len(foundation(part, 5.0, 1.0)) == 1 and len(tool(part, 5.0)) == 0
-    plain = with_tools("locked", small[:0])
-    assert len(foundation(plain.contact.parts()[0], 1.0, 1.0)) == 1

@@ -4,18 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections import Counter
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from report_folder import REASON, page, quick, rows, run_folder, study_folder
 
 from contact_locking.errors import InputError
-from contact_locking.results import folder as result_files
 from contact_locking.view import report
 from contact_locking.view.report.page import environment
 from contact_locking.view.report.trends import Differences
@@ -68,27 +65,6 @@ def test_a_report_of_a_body_in_three_dimensions_has_maps(tmp_path: Path) -> None
     assert "from the foundation" in text
 
 
-@pytest.mark.parametrize("dim", [2, 3])
-def test_axes_of_contact_quantities_have_the_labels_of_their_units(
-    dim: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seen = set[str]()
-
-    def rendered(figure: Figure) -> tuple[str, bytes]:
-        seen.update(*((axes.get_xlabel(), axes.get_ylabel()) for axes in figure.axes))
-        return '<svg viewBox=""></svg>', b""
-
-    monkeypatch.setattr("contact_locking.view.report.page._rendered", rendered)
-    page(run_folder(tmp_path, dim=dim))
-    endings = {"": 2, "mm": 2, "MPa": 1} if dim == 2 else {"mm": 2, "MPa": 2, "": 1}
-    assert Counter(label.partition(" [")[2].rstrip("]") for label in seen) == endings
-
-
-@quick
-def test_a_body_without_contact_has_a_report_too(tmp_path: Path) -> None:
-    assert "no contact boundary" in page(run_folder(tmp_path, kind="without contact"))
-
-
 @quick
 def test_a_run_that_did_not_converge_says_why_first(own_run: Path) -> None:
     reason, way_out = "infeasible: no field < M near (1, 2)", "Lower them."
@@ -100,27 +76,6 @@ def test_a_run_that_did_not_converge_says_why_first(own_run: Path) -> None:
     assert "no field &lt; M near (1, 2)" in text and way_out in text
     change(summary, reason="too many steps")
     assert "<strong>Not converged</strong>" in page(own_run)
-
-
-@quick
-def test_the_report_of_an_earlier_run_goes_with_its_results(tmp_path: Path) -> None:
-    run_folder(tmp_path)
-    report.write(tmp_path)
-    run_folder(tmp_path)
-    assert {path.name for path in tmp_path.iterdir() if path.is_file()} == {
-        *(result_files.SUMMARY, result_files.PARAMETERS, result_files.CONTACT, result_files.FACETS)
-    }
-
-
-@quick
-def test_a_folder_of_the_same_name_keeps_its_other_files(tmp_path: Path) -> None:
-    run_folder(tmp_path)
-    own = tmp_path / "report" / "thesis.tex"
-    own.parent.mkdir()
-    own.touch()
-    report.write(tmp_path)
-    run_folder(tmp_path)
-    assert own.exists() and not (tmp_path / "report.html").exists()
 
 
 @quick
