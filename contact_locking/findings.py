@@ -16,8 +16,8 @@ TEXTS = {
     "mesh.cut": "the body is cut where nodes are double: {nodes}; unless it is meant to be, "
     "{advice}",
     "mesh.group_off_body": "group {reason}",
-    "mesh.group_inside": "group {group!r} is boundary in part only: {inside} of its {total} "
-    "{facets} have cells on both sides and are left out, such as the {example}",
+    "mesh.group_inside": "group {group!r} is boundary in part only: {inside} of its facets have "
+    "cells on both sides and are left out, such as the {at}",
     "data.features": "changes from {low:.3g} to {high:.3g} inside a {entity} near {place}, where "
     "the mesh sees it at few points only; {advice}",
     "smoothing.radius": "{radius:g} is not larger than the mesh size {size:.3g} on {on}, so R "

@@ -41,7 +41,7 @@ def checked(mesh: MeshData, touching: Touching = ()) -> MeshData:
     that touch without shared nodes except ``touching`` ones, and nodes that hang on facets.
     """
     _check_arrays(mesh)
-    findings = check_cells(mesh)
+    findings = [*mesh.findings, *check_cells(mesh)]
     facets = CellFacets(mesh)
     facets.check_neighbours()
     bare = mesh.cells.groups == 0
@@ -52,8 +52,7 @@ def checked(mesh: MeshData, touching: Touching = ()) -> MeshData:
         )
     findings += _check_boundary(facets, touching)
     groups, unusable, about_groups = _on_boundary(facets)
-    findings = [*mesh.findings, *findings, *about_groups]
-    return replace(mesh, facets=groups, unusable=unusable, findings=tuple(findings))
+    return replace(mesh, facets=groups, unusable=unusable, findings=(*findings, *about_groups))
 
 
 def _check_arrays(mesh: MeshData) -> None:
@@ -113,8 +112,9 @@ def check_cells(mesh: MeshData) -> list[Finding]:
     if not thin.any():
         return []
     cell, count = mesh.cell_words(int(np.argmax(thin))), int(thin.sum())
-    more = and_more(count)
-    return [Finding("mesh.thin_cells", cell=cell, count=count, more=more, kind=kind.name)]
+    return [
+        Finding("mesh.thin_cells", cell=cell, count=count, more=and_more(count), kind=kind.name)
+    ]
 
 
 class CellFacets:
@@ -333,8 +333,7 @@ def _on_boundary(facets: CellFacets) -> tuple[MeshElements, dict[str, str], list
                 "it part of the body's mesh (fragment)"
             )
             words = {"group": name, "reason": unusable[name]}
-            total, count = len(rows), int(missing.sum())
-            findings.append(Finding("mesh.group_off_body", missing=count, total=total, **words))
+            findings.append(Finding("mesh.group_off_body", missing=int(missing.sum()), **words))
         elif inner.all():
             unusable[name] = (
                 f"{name!r} lies inside the body and is not a part of its boundary: its {lines} "
@@ -345,9 +344,7 @@ def _on_boundary(facets: CellFacets) -> tuple[MeshElements, dict[str, str], list
             if inner.any():
                 example = mesh.facets.nodes[rows[np.argmax(inner)]]
                 middle = point_words(mesh.points[example].mean(axis=0))
-                at = f"{what} at {middle} ({mesh.nodes_words(example)})"
-                words = {"group": name, "facets": lines, "example": at}
-                total, count = len(rows), int(inner.sum())
-                findings.append(Finding("mesh.group_inside", inside=count, total=total, **words))
+                words = {"group": name, "at": f"{what} at {middle} ({mesh.nodes_words(example)})"}
+                findings.append(Finding("mesh.group_inside", inside=int(inner.sum()), **words))
     names = {name: tags for name, tags in mesh.facets.names.items() if name not in unusable}
     return replace(mesh.facets.take(kept), names=names), unusable, findings
