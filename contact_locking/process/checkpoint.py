@@ -66,10 +66,10 @@ class Checkpoint:
     Parameters
     ----------
     state
-        where a solver may start from
-    multipliers, bounds
-        the stresses and the friction bounds (k,) of the contacts; None and empty if the contacts or
-        the sets of strains are not those of the problem
+        where a solver may start from; it has no multipliers if the contacts or the sets of strains
+        are not those of the problem
+    bounds
+        the friction bounds (k,) of the contacts, empty without multipliers
     problem
         the fingerprint of the problem of a study file, empty for a script
     converged
@@ -84,7 +84,6 @@ class Checkpoint:
     """
 
     state: SavedState
-    multipliers: Multipliers | None
     bounds: tuple[FloatArray, ...]
     problem: str
     converged: bool
@@ -114,7 +113,7 @@ class Checkpoint:
         if len(self.history):
             counts = Counts(int(self.history.last("tangents")), int(self.history.last("linear")))
         system.bounds.enter(contacts, self.bounds)
-        outcome = Outcome(self.multipliers)
+        outcome = Outcome(self.state.multipliers)
         return solver.state(SolverReport.solved(outcome, counts, from_saved=True))
 
 
@@ -325,7 +324,6 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
     )
     return Checkpoint(
         state,
-        multipliers,
         tuple(bounds),
         about["problem"],
         about["converged"],
