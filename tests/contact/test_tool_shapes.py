@@ -69,7 +69,7 @@ def test_an_expression_gives_what_the_shape_gives(dim: int) -> None:
     # The square of the distance is no distance; near its zeros it is one after the division.
     other = solve(on({"expression": f"{squares} - 2.995**2"}, dim))
     assert_same(shape, other, 1e-3)
-    assert [finding.code for finding in other.warnings] == ["foundation.gradient"]
+    assert "foundation.gradient" in [finding.code for finding in other.warnings]
 
 
 def test_an_expression_that_fails_at_a_node_of_one_rank_fails_on_all() -> None:
