@@ -18,6 +18,7 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 
 import numpy as np
 from dolfinx import fem
@@ -28,7 +29,6 @@ from petsc4py import PETSc
 from scipy.sparse import diags
 
 from contact_locking.problem.affine_part import near_nullspace
-from contact_locking.solver.linear.gmres import Contexts
 from contact_locking.solver.linear.ksp import IN_BLOCKS
 from contact_locking.solver.linear.multigrid import FilteredMultigrid, StiffPart
 
@@ -50,6 +50,11 @@ class Outcome:
     def __str__(self) -> str:
         count = f"> {_MOST}" if self.iterations is None else str(self.iterations)
         return f"{count} ({self.set_up:.1f} + {self.solve:.1f} s)"
+
+
+def context(multigrid: FilteredMultigrid) -> SimpleNamespace:
+    """What PETSc calls for a preconditioner of type python."""
+    return SimpleNamespace(apply=lambda pc, r, z: multigrid.apply(r, z))
 
 
 def by_package(body: Body, limit: int) -> Outcome:
@@ -77,10 +82,10 @@ def by_package(body: Body, limit: int) -> Outcome:
 
     def prepare(pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(Contexts(multigrid))
+        pc.setPythonContext(context(multigrid))
         multigrid.refresh(stiff)
 
-    outcome = solved(body, matrix, prepare, multigrid.start)
+    outcome = solved(body, matrix, prepare)
     motions.destroy()
     return outcome
 
@@ -96,7 +101,7 @@ def by_gamg(body: Body) -> Outcome:
 
     def prepare(pc: PETSc.PC) -> None:
         pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(Contexts(multigrid))
+        pc.setPythonContext(context(multigrid))
         multigrid.refresh()
 
     outcome = solved(body, matrix, prepare)
@@ -154,13 +159,8 @@ def by_bddc(body: Body, threshold: float) -> Outcome:
     return outcome
 
 
-def solved(
-    body: Body,
-    matrix: PETSc.Mat,
-    prepare: Callable[[PETSc.PC], None],
-    start: Callable[[PETSc.Vec, PETSc.Vec], None] | None = None,
-) -> Outcome:
-    """Set up what ``prepare`` chooses, and solve by CG from what ``start`` makes of zero."""
+def solved(body: Body, matrix: PETSc.Mat, prepare: Callable[[PETSc.PC], None]) -> Outcome:
+    """Set up what ``prepare`` chooses, and solve by CG."""
     right, x = matrix.createVecs()
     owned = right.getLocalSize()
     right.array_w[:] = (body.right_hand_side() * body.free())[:owned]
@@ -176,9 +176,6 @@ def solved(
     ksp.setFromOptions()
     ksp.setUp()
     ready = time.perf_counter()
-    if start is not None:
-        start(right, x)
-        ksp.setInitialGuessNonzero(True)
     ksp.solve(right, x)
     ended = time.perf_counter()
     count = ksp.getIterationNumber() if ksp.getConvergedReason() > 0 else None

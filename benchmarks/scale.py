@@ -28,8 +28,8 @@ from mpi4py import MPI
 
 from contact_locking.running import solving
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.multigrid import FilteredMultigrid, Projection
-from contact_locking.solver.linear.tangent_solver import MultigridTangents
+from contact_locking.solver.linear.gmres import MultigridTangents
+from contact_locking.solver.linear.multigrid import Filter, FilteredMultigrid, Projection
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.
@@ -57,10 +57,10 @@ class Tangents(WallClock):
             self.rows[-1][1][0] += time.perf_counter() - began
 
         def solve_and_note(solver: MultigridTangents, *given: Any, **named: Any) -> None:
-            began, before = time.perf_counter(), solver._iterations
+            began, before = time.perf_counter(), solver.iterations
             solve(solver, *given, **named)
             _, seconds, counts = self.rows[-1]
-            counts.append(solver._iterations - before)
+            counts.append(solver.iterations - before)
             seconds[1] += time.perf_counter() - began
             self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
 
@@ -79,11 +79,11 @@ class Tangents(WallClock):
 
 def preconditioner(multigrid: FilteredMultigrid) -> str:
     """What a tangent is solved with at present, and with how many rows to factorise."""
-    if multigrid._projection is not None:
-        projection: Projection = multigrid._projection
-        return f"projection, {projection._rows.getSize()[0]}"
-    if multigrid._filter is not None:
-        return f"filter, {multigrid._filter._right.getSize()}"
+    helper = multigrid.helper
+    if isinstance(helper, Projection):
+        return f"projection, {helper._rows.getSize()[0]}"
+    if isinstance(helper, Filter):
+        return f"filter, {helper._right.getSize()}"
     return "multigrid"
 
 

@@ -14,7 +14,7 @@ import pytest
 from mpi4py import MPI
 from petsc4py import PETSc
 from report_folder import run_folder
-from verification_table import Row, table_text
+from verification_table import Rows, table_text
 
 RANK, SIZE = MPI.COMM_WORLD.rank, MPI.COMM_WORLD.size
 
@@ -27,7 +27,7 @@ os.environ.setdefault("OMPI_MCA_mpi_yield_when_idle", "1")
 hypothesis.settings.register_profile("same", derandomize=True, database=None, deadline=None)
 
 
-ROWS: list[Row] = []
+ROWS = Rows()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -35,7 +35,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 @pytest.fixture
-def found() -> list[Row]:
+def found() -> Rows:
     """The table of docs/verification.md; a test adds its rows."""
     return ROWS
 

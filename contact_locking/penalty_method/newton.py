@@ -17,7 +17,7 @@ from petsc4py import PETSc
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem.compiled import JointForm
 from contact_locking.penalty_method.equations import Equations
-from contact_locking.solver.linear.ksp import LINEAR_FAILURE, configure, default_options
+from contact_locking.solver.linear.ksp import LINEAR_FAILURE, InsertedOptions, default_options
 from contact_locking.solver.task import Counts, Task
 
 ConvergedReason = PETSc.SNES.ConvergedReason
@@ -119,7 +119,7 @@ class Newton:
         defaults = default_options(settings.linear, system.dim, system.size, system.comm)
         # SNES's own divergence test takes the growth of the residual norm for divergence.
         defaults |= {"snes_divergence_tolerance": -1.0}
-        self._options = configure([snes, snes.ksp], defaults, settings.petsc)
+        self._options = InsertedOptions([snes, snes.ksp], defaults, settings.petsc)
         snes.setTolerances(max_it=settings.max_iterations)
         snes.setConvergenceTest(self._test)
 

@@ -19,7 +19,7 @@ from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm, Kept
 from contact_locking.laws.locking import squared_norm
 from contact_locking.problem import forms
-from contact_locking.problem.affine_part import affine_part, near_nullspace
+from contact_locking.problem.affine_part import near_nullspace
 from contact_locking.problem.rounding import LooseMotion, Rounding, largest_displacement
 from contact_locking.supports.conditions import Constraints
 
@@ -195,11 +195,6 @@ class System:
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, for algebraic multigrid; collective."""
         return near_nullspace(self.u)
-
-    def coarser_spaces(self) -> list[tuple[PETSc.Mat, PETSc.NullSpace]]:
-        """The affine displacements, for elements of degree 2; collective."""
-        space = self.u.function_space
-        return [affine_part(space, self.constraints)] if self.data.element.degree == 2 else []
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, above rounding; collective."""

@@ -10,14 +10,13 @@ import subprocess
 import sys
 import textwrap
 from pathlib import Path
-from typing import Any
 
 import pytest
 from mpi4py import MPI
 from problems import UNDRAWN_BLOCK
 from slow import slow
 
-from contact_locking import __version__, meshes, study_file
+from contact_locking import meshes, study_file
 from contact_locking.command import cli
 from contact_locking.errors import InputError
 from contact_locking.running import solving
@@ -237,54 +236,37 @@ def test_wrong_words_return_2_with_one_message(
     assert capsys.readouterr().err.startswith("error: ")
 
 
-def separate_process(*words: str, python: str = "-m contact_locking") -> Any:
-    return subprocess.run(
-        [sys.executable, *python.split(), *words], capture_output=True, text=True, timeout=120
-    )
+HEAVY = "dolfinx mpi4py petsc4py gmsh ufl"
+SLOW = f"numpy scipy pydantic ruamel rich matplotlib {HEAVY}"
 
 
 @pytest.mark.serial
-def test_the_module_runs_as_a_program() -> None:
-    result = separate_process("--version")
-    assert (result.returncode, result.stdout) == (0, f"contact-locking {__version__}\n")
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize(("words", "code"), [(["schema"], 0), (["check", "FILE"], 2)])
-def test_schema_and_the_check_of_a_wrong_file_need_no_dolfinx_and_no_mpi(
-    words: list[str], code: int, tmp_path: Path
+@pytest.mark.parametrize(
+    ("words", "code", "needless"),
+    [
+        ("--version", 0, SLOW),
+        ("run --help", 0, SLOW),
+        ("schema", 0, HEAVY),
+        ("schema --json", 0, HEAVY),
+        ("check wrong.yml", 2, HEAVY),
+    ],
+)
+def test_what_solves_nothing_imports_nothing_that_takes_time(
+    words: str, code: int, needless: str, tmp_path: Path
 ) -> None:
     (tmp_path / "wrong.yml").write_text("mesh: {bilder: block}\n")
-    words = [str(tmp_path / "wrong.yml") if word == "FILE" else word for word in words]
-    script = textwrap.dedent(
-        """
-        import sys
-        from contact_locking.command import cli
-        code = cli.main(sys.argv[1:])
-        assert not {"dolfinx", "mpi4py", "petsc4py", "gmsh", "ufl"} & set(sys.modules)
-        sys.exit(code)
-        """
-    )
-    (tmp_path / "script.py").write_text(script)
-    result = separate_process(*words, python=str(tmp_path / "script.py"))
-    assert result.returncode == code, result.stderr
-    assert "Traceback" not in result.stderr
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("words", [["--help"], ["run", "--help"], ["--version"]], ids=" ".join)
-def test_help_imports_nothing_that_takes_time(words: list[str], tmp_path: Path) -> None:
-    script = """
+    script = f"""
 import sys
 from contact_locking.command import cli
-code = cli.main(sys.argv[1:])
-slow = {"numpy", "scipy", "pydantic", "ruamel", "rich", "matplotlib", "dolfinx", "mpi4py", "gmsh"}
-assert not slow & {name.partition(".")[0] for name in sys.modules}
+code = cli.main({words.split()!r})
+assert not {set(needless.split())!r} & {{name.partition(".")[0] for name in sys.modules}}
 sys.exit(code)
 """
-    (tmp_path / "script.py").write_text(script)
-    result = separate_process(*words, python=str(tmp_path / "script.py"))
-    assert result.returncode == 0, result.stderr
+    result = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert result.returncode == code, result.stderr
+    assert "Traceback" not in result.stderr
 
 
 def without_a_reader(tmp_path: Path, *words: str) -> subprocess.CompletedProcess[str]:
@@ -394,3 +376,10 @@ def test_a_run_goes_on_where_its_output_is_closed_or_full(tmp_path: Path) -> Non
         preexec_fn=lambda: os.close(1),
     )
     assert (closed.returncode, closed.stderr) == (0, "")
+
+
+def test_mesh_writes_a_file_that_runs(folder: Path, comm: MPI.Intracomm) -> None:
+    body = folder / "body.msh"
+    assert cli.main(["mesh", str(folder / "study.yml"), "-o", str(body)]) == 0
+    comm.Barrier()
+    assert run(folder, "--quiet", "--set", f"mesh={{file: {body}}}") == 0

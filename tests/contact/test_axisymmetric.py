@@ -35,30 +35,21 @@ def on_foundation(degree: int = 1, **changes: Any) -> StudyProblem:
 
 @pytest.mark.serial
 @pytest.mark.parametrize(
-    ("changes", "key", "message"),
+    ("changes", "key"),
     [
-        ({"contact__on": ["bottom", "left"]}, "contact.on", "on the axis of revolution"),
-        (
-            {"loads__pressures": [{"on": "left", "value": 1.0}]},
-            "loads.pressures.0.on",
-            "is no surface",
-        ),
+        ({"contact__on": ["bottom", "left"]}, "contact.on"),
+        ({"loads__pressures": [{"on": "left", "value": 1.0}]}, "loads.pressures.0.on"),
         (
             {"loads__displacements": [{"on": "top", "value": ["0.1 + x", None]}]},
             "loads.displacements.0.value.0",
-            "u_r is zero",
         ),
-        (
-            {"loads__body_force": [0.0, 0.1]},
-            "loads.displacements",
-            r"free \(translation along y, the axis\)",
-        ),
+        ({"loads__body_force": [0.0, 0.1]}, "loads.displacements"),
     ],
 )
 def test_what_contradicts_the_axis_is_refused_with_its_key(
-    changes: dict[str, Any], key: str, message: str
+    changes: dict[str, Any], key: str
 ) -> None:
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(InputError) as caught:
         assemble(cylinder(**changes), MPI.COMM_WORLD)
     assert caught.value.key == key
 
@@ -142,16 +133,3 @@ def test_the_certificate_holds_for_a_body_of_revolution_that_locks_and_rubs() ->
         alone = solving.solve(cylinder(), MPI.COMM_SELF).summary
         assert summary["elastic_energy"] == pytest.approx(alone["elastic_energy"], rel=1e-8)
     assert solution.elastic_stress.ufl_shape == (3, 3)
-
-
-@pytest.mark.serial
-def test_the_bounds_of_the_error_are_not_for_axisymmetric_bodies() -> None:
-    push = [{"on": "top", "value": [None, -0.02]}]
-    solution = solving.solve(
-        cylinder(loads__displacements=push, certificate__error_bound=True, friction__coefficient=0)
-    )
-    errors = solution.summary["certificate"]["errors"]
-    assert errors["mesh"]["relative"] > 0.0
-    assert errors["guaranteed"]["applicable"] is False
-    assert "axisymmetric" in errors["guaranteed"]["reason"]
-    assert "axisymmetric" in solution.summary["certificate"]["limit_load"]["reason"]

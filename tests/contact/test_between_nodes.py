@@ -78,12 +78,6 @@ def test_a_tool_between_two_nodes_fails_a_criterion(
 
 
 @pytest.mark.serial
-def test_a_gap_with_a_bump_between_two_nodes_fails_a_criterion() -> None:
-    gap = {"gap": "0.2 - 0.3*exp(-((x - 5.5)/0.1)**2)"}
-    assert_missed(solve(given(STRIP, gap)), 0.1, "near (5.5, 3)")
-
-
-@pytest.mark.serial
 def test_a_body_that_moves_onto_a_tool_between_nodes_fails_a_criterion() -> None:
     # The body travels by 1 and touches the tool for the last 0.05 of the way.
     up = {"displacements": [{"on": "bottom", "value": [0, 1.0]}]}
@@ -265,14 +259,6 @@ def test_nothing_is_warned_of_where_gamma_c_covers_the_boundary() -> None:
     assert warnings(pulled, contact=covered) == []
     (warning,) = warnings(pulled, contact={"on": "bottom", "foundation": FLOOR_AND_WALL})
     assert warning.numbers["place"].startswith("1, ")
-
-
-@pytest.mark.serial
-def test_each_of_several_contacts_is_asked() -> None:
-    ceiling_and_wall = {"polyline": [[-3.0, 1.01], [1.05, 1.01], [1.05, -3.0]]}
-    contacts = [{"on": "bottom"}, {"on": "top", "foundation": ceiling_and_wall}]
-    (warning,) = warnings(pushed(0.1), contact=contacts)
-    assert warning.key == "contact.1"
 
 
 @pytest.mark.serial

@@ -8,9 +8,10 @@ from mpi4py import MPI
 from seal import seal, two_bodies
 from solutions import of_kind
 
-from contact_locking import Contact, solve
+from contact_locking import Contact, from_mapping, solve
 from contact_locking.arrays import IntArray
 from contact_locking.contact.contact import named
+from contact_locking.errors import InputError
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.in_words import rows
 from contact_locking.results.quantities import look_up
@@ -86,3 +87,11 @@ def test_contact_csv_is_read_as_it_was_written(dim: int, kind: str) -> None:
         assert read.dtype == values.dtype and np.array_equal(read, values), column
     numbers = Table.read(facets_table(facets).text(), "contact_facets.csv").columns.values()
     assert np.array_equal(np.column_stack([*numbers]), facets)
+
+
+def test_the_name_of_another_contact_is_refused() -> None:
+    with pytest.raises(InputError) as caught:
+        named([Contact(part, name="x", at=f"contacts.{n}") for n, part in enumerate("ab")])
+    assert caught.value.key == "contacts.1"
+    with pytest.raises(InputError, match=r"^contact\.1\.name: "):
+        from_mapping({"contact": [{"on": "bottom", "name": "x"}, {"on": "left", "name": "x"}]})

@@ -126,25 +126,6 @@ def test_a_wrong_force_or_travel_breaks_the_balance_of_the_tool() -> None:
     assert not equilibrium(state).criteria(tolerance)["tool_balance"].holds
 
 
-@pytest.mark.serial
-def test_proofs_for_foundations_in_a_known_place_say_that_they_do_not_apply() -> None:
-    loads = {"displacements": [{"on": "bottom", "value": [0.0, 0.001]}]}
-    certificate = {"error_bound": True, "constants": True}
-    found = solved(pressed(tool([0.0, -0.03]), 1e3, loads=loads, certificate=certificate, h=0.5))
-    proofs = found.summary["certificate"]
-    entries = [
-        proofs["errors"]["guaranteed"],
-        proofs["errors"]["penalty"],
-        proofs["limit_load"],
-    ]
-    for entry in (*entries, *found.summary["bounds"].values()):
-        assert "forces decide where a foundation is" in entry["reason"]
-    assert proofs["errors"]["guaranteed"]["energy_norm"] is None
-    assert proofs["errors"]["penalty"]["energy_norm"] is None
-    assert proofs["limit_load"]["load_factor"] is None
-    assert proofs["constants"]["uniqueness"]["verdict"] == "not known"
-
-
 def cycle(**changes: Any) -> Parameters:
     """A tool that presses, is dragged by a load on the body, and lets go."""
     loads = {
@@ -180,27 +161,6 @@ def test_the_work_of_a_force_is_stored_or_dissipated(n: float) -> None:
     alone = list(solve_steps(cycle(n=n, loads={"displacements": HELD})))[-1].history
     expected = alone.column("tool_force") * np.diff(alone.column("tool_travel"), prepend=0.0)
     assert alone.column("work") == pytest.approx(expected, rel=1e-6, abs=1e-10)
-
-
-@pytest.mark.serial
-def test_friction_remembers_the_slip_relative_to_the_tool() -> None:
-    """A tool that moves along its own surface as well drags the body back and forth."""
-    force = [0.0, -0.03]
-    plane = {"point": [0.0, 1.0], "normal": [-0.4, -1.0]}
-    way = {"displacements": [{"on": "bottom", "value": ["0.01*sin(2*pi*t)", 0.0]}]}
-    given = pressed(
-        tool(force, half_space=plane, mu=0.5), loads=way, steps={"to": 1.0, "count": 4}, h=0.5
-    )
-    found = list(solve_steps(given))
-    assert all(one.converged for one in found), found[-1].summary["reason"]
-    last = found[-1].contacts[0]
-    direction = np.array([0.0, -1.0])
-    travel = told(found[-1])["travel"] - told(found[-2])["travel"]
-    across = direction - (last.normal @ direction)[:, None] * last.normal
-    step = last.u_tangent - found[-2].contacts[0].u_tangent - travel * across
-    sticks = last.state == 1
-    assert found[-1].domain.comm.allreduce(int(sticks.sum())) > 0
-    assert np.abs(step[sticks]).max(initial=0.0) <= 1e-9
 
 
 @pytest.mark.serial
@@ -255,22 +215,6 @@ def test_a_body_that_only_tools_hold_is_refused(mu: float) -> None:
     two = [tool([0.0, -0.03], mu=mu), tool([0.0, 0.03], "bottom", mu=mu, **below)]
     with pytest.raises(InputError, match="body and foundations can move together"):
         assemble(pressed(two, loads={}), MPI.COMM_WORLD)
-
-
-@pytest.mark.serial
-def test_a_force_that_gets_too_small_to_hold_the_body_is_named() -> None:
-    below = {"on": "bottom"}
-    loads = {
-        "tractions": [{"on": "right", "value": [0.0, 0.005]}],
-        "displacements": [{"on": "left", "value": [0.0, None]}],
-    }
-    steps = {"times": [0.5, 1.0], "least": 0.5}
-    contact = [tool([0.0, "-0.02*(1 - t)"], mu=0.0), below]
-    given: dict[str, Any] = {"loads": loads, "steps": steps, "friction__coefficient": 0.0}
-    found = list(solve_steps(pressed(contact, h=0.5, **given)))
-    assert [one.converged for one in found] == [True, False]
-    assert "translation along y" in found[-1].summary["reason"]
-    assert "hold it by loads.displacements" in found[-1].summary["suggestion"]
 
 
 @pytest.mark.serial
@@ -352,3 +296,17 @@ def test_a_foundation_that_nothing_would_stop_is_refused(
 ) -> None:
     with pytest.raises((InputError, ValueError), match=words):
         solve(pressed(held(**changes)))
+
+
+@pytest.mark.serial
+def test_derivatives_by_the_stiffness_of_a_spring_are_those_of_more_solves() -> None:
+    contact = held(spring={"stiffness": 2.0}, force=[0.0, -0.01])
+    asked = {
+        "of": ["contacts.0.tool.travel"],
+        "to": ["contact.foundation.spring.stiffness"],
+        "check": True,
+    }
+    found = solved(pressed(contact, loads=PRESSED, h=0.5, sensitivities=asked))
+    for entries in found.summary["sensitivities"].values():
+        for entry in entries.values():
+            assert entry["derivative"] == pytest.approx(entry["checked"], rel=1e-4)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from mpi4py import MPI
+from problems import solved
 from two_bodies import stack
 
 import contact_locking as cl
-from contact_locking import StudySolution, solve, solve_steps, study_file
+from contact_locking import StudySolution, save, solve, solve_steps, study_file
 from contact_locking.errors import InputError
 from contact_locking.study_file.parameters import Parameters
 
@@ -109,3 +112,12 @@ def test_pairs_that_nobody_can_find_are_refused() -> None:
     held = [{"on": "bottom", "value": [0.0, 0.0]}, far]
     with pytest.raises(InputError, match="meet no facet of lower_top"):
         solve(sliding(loads={"displacements": held}))
+
+
+def test_a_step_after_a_pairing_anew_goes_on_from_a_checkpoint(tmp_path: Path) -> None:
+    folder = Path(MPI.COMM_WORLD.bcast(str(tmp_path))) / "saved"
+    whole = solved(sliding())
+    save(solved(sliding(to=0.5)), folder)
+    rest = solve(sliding(), restart=folder)
+    for key in ("friction_force", "slip_max", "elastic_energy", "pressure_max"):
+        assert rest.summary[key] == pytest.approx(whole.summary[key], rel=1e-6, abs=1e-9)

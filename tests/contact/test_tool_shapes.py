@@ -78,20 +78,6 @@ def test_an_expression_that_fails_at_a_node_of_one_rank_fails_on_all() -> None:
     assert error.value.key == "contact.foundation.expression"
 
 
-def test_an_expression_of_the_time_is_a_tool_that_changes() -> None:
-    from contact_locking import solve_steps
-
-    plane = {"half_space": {"point": [0, 0], "normal": [0, 1]}, "motion": [0, "0.02*t"]}
-    steps = {"times": [0.5, 1.0]}
-    frictionless: dict[str, Any] = {"steps": steps, "friction__coefficient": 0.0}
-    for a, b in zip(
-        solve_steps(on(plane, **frictionless)),
-        solve_steps(on({"expression": "y - 0.02*t"}, **frictionless)),
-        strict=True,
-    ):
-        assert_same(a, b, 1e-10)
-
-
 def exact_distance(corners: FloatArray, triangles: FloatArray, x: FloatArray) -> FloatArray:
     """The distance (k,) of points (k, 3) from triangles, by edges and feet."""
     best: FloatArray = np.full(len(x), np.inf)

@@ -115,24 +115,6 @@ def test_no_tool_creates_energy_whatever_its_normals_do(n: float, motion: Any) -
     assert found[-1].history.last("dissipated_total") > 0.0
 
 
-@pytest.mark.serial
-def test_a_tool_stands_where_its_motion_has_brought_it() -> None:
-    def solved(centre: list[float], motion: Any) -> StudySolution:
-        disc: dict[str, Any] = {"sphere": {"centre": centre, "radius": 1.0}}
-        contact = {"on": "bottom", "foundation": disc | motion}
-        return solve(
-            pressed(2, 1e3, [0, 0], None, contact=contact, friction__coefficient=0.0, steps=None)
-        )
-
-    there = solved([0.4, -0.97], {})
-    moved = solved([0.1, -1.0], {"motion": [0.3, 0.03]})
-    # Without friction a turn about the centre changes nothing.
-    turned = {"translation": [0.3, 0.03], "rotation": 0.3, "about": [0.1, -1.0]}
-    for other in (moved, solved([0.1, -1.0], {"motion": turned})):
-        difference = there.displacement.x.array - other.displacement.x.array
-        assert np.abs(difference).max() < 1e-10
-
-
 @dataclass(frozen=True)
 class Capsule:
     """``phi(x) = |x - s(x)| - radius``, with s(x) the point of a segment that is nearest to x."""

@@ -14,7 +14,7 @@ from msh import write_msh
 from problems import solved
 from small_meshes import EDGES, SQUARE, Points
 
-from contact_locking import StudySolution, solve, study_file
+from contact_locking import StudySolution, check, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
@@ -174,3 +174,12 @@ def test_a_quadrilateral_with_a_hanging_neighbour_in_xdmf_is_refused(tmp_path: P
     path = write_msh(tmp_path / "hanging.msh", points, {**EDGES, "body": cells})
     with pytest.raises(InputError, match=r"hangs: it lies on an edge of quadrilateral"):
         solve(pressed(str(path), 2))
+
+
+@pytest.mark.serial
+def test_boxes_of_degree_two_are_refused(folder: Path) -> None:
+    file = mesh(folder, 2)
+    assert check(pressed(file, 2), MPI.COMM_SELF)["cells"] == 9
+    with pytest.raises(InputError) as caught:
+        solve(pressed(file, 2, discretisation={"degree": 2}))
+    assert caught.value.key == "discretisation.degree"

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from problems import block, solved
-from verification_table import Row
+from verification_table import Rows
 
 from contact_locking import study_file
 from contact_locking.laws.elasticity import isotropic_stiffness, lame_from_young
@@ -74,7 +74,7 @@ def test_a_region_and_an_expression_say_the_same() -> None:
 
 
 @pytest.mark.slow
-def test_v14_four_ranks_agree_with_one(tmp_path: Path, found: list[Row]) -> None:
+def test_v14_four_ranks_agree_with_one(tmp_path: Path, found: Rows) -> None:
     file = tmp_path / "block.yml"
     file.write_text(study_file.dump(block(h=0.1, penalty__n=math.inf)))
     run = [sys.executable, "-m", "contact_locking", "run", str(file), "--quiet"]
@@ -88,6 +88,6 @@ def test_v14_four_ranks_agree_with_one(tmp_path: Path, found: list[Row]) -> None
     assert (one["ranks"], four["ranks"]) == (1, 4)
     for key in ("compliance", "elastic_energy", "strain_norm_max"):
         where = "block on four ranks beside one"
-        found.append(Row("V14", where, key.replace("_", " "), four[key], one[key]))
+        found.add("V14", where, key.replace("_", " "), four[key], one[key])
         assert four[key] == pytest.approx(one[key], rel=1e-8)
     assert four["contact_force"] == pytest.approx(one["contact_force"], rel=1e-8, abs=1e-12)

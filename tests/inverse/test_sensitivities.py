@@ -11,7 +11,7 @@ from problems import block
 
 import contact_locking as cl
 from contact_locking.inverse.numbers import number_at, with_number
-from contact_locking.inverse.sensitivities import value_of
+from contact_locking.inverse.sensitivities import in_rows, value_of
 from contact_locking.monitor import Monitor
 from contact_locking.running.solving import solve
 from contact_locking.study_file.dump import plain
@@ -236,3 +236,43 @@ def test_a_support_that_turns_takes_its_reaction_along() -> None:
     for name in of:
         found = summary["sensitivities"][name][key]
         assert found["derivative"] == pytest.approx(found["checked"], rel=1e-3), name
+
+
+@pytest.mark.serial
+def test_forces_of_springs_have_derivatives_with_those_of_conditions_beside_them() -> None:
+    of = ["reactions.left.0", "reactions.left.1", "reactions.top.1"]
+    to = ["loads.springs.0.stiffness", "loads.springs.1.stiffness", "loads.tractions.0.value.1"]
+    found = solve(
+        study(
+            loads={
+                "displacements": [{"on": "left", "value": [0.001, None]}],
+                "springs": [
+                    {"on": "left", "stiffness": 0.5},
+                    {"on": "top", "stiffness": 0.1, "along": [1, 2]},
+                ],
+                "tractions": [{"on": "right", "value": [0.0, -0.004]}],
+            },
+            sensitivities={"of": of, "to": to, "check": True},
+        )
+    )
+    table = found.summary["sensitivities"]
+    for name in of:
+        derivatives = np.array([table[name][key]["derivative"] for key in to])
+        checked = np.array([table[name][key]["checked"] for key in to])
+        assert derivatives == pytest.approx(checked, rel=1e-3, abs=1e-3 * np.abs(checked).max())
+        assert np.abs(checked).max() > 0.0
+
+
+@pytest.mark.serial
+def test_a_result_that_is_zero_has_no_elasticity() -> None:
+    young = "material.elasticity.young"
+    pressed = study(
+        loads={"displacements": [{"on": "top", "value": [0.0, -0.01]}]},
+        friction__coefficient=0.0,
+        parameters=None,
+    )
+    asked = {"of": ["compliance", "contact_force.1"], "to": [young]}
+    summary = solve(with_changes_of(pressed, asked)).summary
+    found = [summary["sensitivities"][name][young]["elasticity"] for name in asked["of"]]
+    assert found[0] is None and found[1] == pytest.approx(1.0, abs=1e-6)
+    assert len(in_rows(summary)) == 2

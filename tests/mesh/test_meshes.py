@@ -36,11 +36,6 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         {"dim": 3, "size": [2, 1.5, 1], "h": 0.3, "h_contact": 0.2},
         {"body": 3, "left": 1.5, "right": 1.5, "front": 2, "back": 2, "bottom": 3, "top": 3},
     ),
-    "structured block 2D": (
-        "block",
-        {"size": [2, 1], "structured": True},
-        {"body": 2, "left": 1, "right": 1, "bottom": 2, "top": 2},
-    ),
     "structured block 3D": (
         "block",
         {"dim": 3, "size": [2, 1.5, 1], "h": 0.3, "structured": True},
@@ -51,18 +46,7 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         {"h_contact": 0.05},
         {"body": 1, "symmetry": 1, "right": 1, "bottom": 1, "top": 0.75, "contact": 0.25},
     ),
-    "punch 3D": (
-        "punch",
-        {"dim": 3, "size": [2, 1, 1.5], "half_width": 0.9, "h": 0.3},
-        {"body": 3, "symmetry": 1.5, "right": 1.5, "symmetry_y": 3, "back": 3, "bottom": 2}
-        | {"top": 2 - 0.81, "contact": 0.81},
-    ),
     "disc": ("disc", {"half": False}, {"body": PI, "contact": 2 * ARC, "side": 2 * (PI - ARC)}),
-    "half disc": (
-        "disc",
-        {"radius": 8, "h": 0.8, "h_contact": 0.4},
-        {"body": 32 * PI, "contact": 16 * ARC, "side": 8 * PI - 16 * ARC, "top": 16},
-    ),
     "quarter disc": (
         "disc",
         {"quarter": True, "contact_width": math.sqrt(0.5)},
@@ -85,12 +69,6 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         {"quarter": True},
         {"body": 3 * PI / 4, "inner": PI / 2, "outer": PI, "bottom": 1, "left": 1},
     ),
-    "L-shape 2D": (
-        "l_shape",
-        {"size": [2, 1]},
-        {"body": 1.5, "bottom": 2, "left": 1, "right": 0.5, "top": 1}
-        | {"inner_horizontal": 1, "inner_vertical": 0.5},
-    ),
     "L-shape 3D": (
         "l_shape",
         {"dim": 3, "size": [2, 0.5, 1], "notch": [1.6, 0.7], "h": 0.2},
@@ -107,12 +85,6 @@ CASES: dict[str, tuple[str, dict[str, Any], dict[str, float]]] = {
         {"dim": 3, "size": [1, 1, 2], "radius": 0.4, "centre": [0.5, 0.5, 1.4], "h": 0.15},
         {"body": 2 - 4 / 3 * PI * 0.4**3, "inclusion": 4 / 3 * PI * 0.4**3}
         | {"left": 2, "right": 2, "front": 2, "back": 2, "bottom": 1, "top": 1},
-    ),
-    "stack 2D": (
-        "stack",
-        {"size": [2, 1], "upper": [1, 0.5], "distance": 0.1, "h_contact": 0.05},
-        {"lower": 2, "upper": 0.5, "left": 1, "right": 1, "bottom": 2, "lower_top": 2}
-        | {"upper_left": 0.5, "upper_right": 0.5, "upper_bottom": 1, "top": 1},
     ),
     "stack 3D": (
         "stack",
@@ -177,6 +149,11 @@ def test_groups_cover_body_and_boundary_exactly_once(case: str) -> None:
     with build(geometry) as model:
         points, cells, facets = read(model, geometry.dim)
 
+    count_of_cells = sum(len(simplices) for simplices in cells.values())
+    if given.get("structured"):
+        assert count_of_cells == geometry.estimated_cells()
+    else:
+        assert 0.4 < count_of_cells / geometry.estimated_cells() < 2.2
     assert tuple(cells) == geometry.cell_names
     assert tuple(facets) == geometry.facet_names
     assert set(cells) | set(facets) == set(exact)
@@ -202,32 +179,14 @@ def test_groups_cover_body_and_boundary_exactly_once(case: str) -> None:
     assert set(np.unique(inside)) == set(range(len(points))), "a node belongs to no cell"
 
 
-@pytest.mark.parametrize("case", CASES)
-def test_estimate_of_the_cells_is_of_the_right_size(case: str) -> None:
-    name, given, _ = CASES[case]
-    geometry = make(name, **given)
-    with build(geometry) as model:
-        cells = sum(len(tags) for tags in model.mesh.getElements(geometry.dim)[1])
-    if given.get("structured"):
-        assert cells == geometry.estimated_cells()
-    else:
-        assert 0.4 < cells / geometry.estimated_cells() < 2.2
-
-
 @pytest.mark.parametrize(
     ("name", "given", "contact", "far"),
     [
-        ("block", {"h": 0.2, "h_contact": 0.02}, "bottom", "top"),
         ("block", {"dim": 3, "h": 0.3, "h_contact": 0.08}, "bottom", "top"),
-        ("punch", {"h": 0.2, "h_contact": 0.02}, "contact", "bottom"),
-        ("punch", {"dim": 3, "h": 0.3, "h_contact": 0.05}, "contact", "bottom"),
         ("disc", {"h": 0.2, "h_contact": 0.02}, "contact", "top"),
-        ("disc", {"h": 0.2, "h_contact": 0.02, "half": False}, "contact", "side"),
         ("ball", {"h": 0.3, "h_contact": 0.05}, "contact", "top"),
-        ("ball", {"h": 0.3, "h_contact": 0.05, "quarter": True}, "contact", "top"),
         ("annulus", {"h": 0.3, "h_contact": 0.05}, "inner", "outer"),
         ("l_shape", {"h": 0.2, "h_contact": 0.03}, "bottom", "top"),
-        ("inclusion", {"h": 0.2, "h_contact": 0.03}, "bottom", "top"),
     ],
 )
 def test_contact_is_meshed_with_h_contact_and_the_far_side_with_h(
@@ -241,23 +200,6 @@ def test_contact_is_meshed_with_h_contact_and_the_far_side_with_h(
     )
     assert longest_edge(points, facets[contact]).max() < 2 * given["h_contact"]
     assert np.median(longest_edge(points, facets[far])) == pytest.approx(given["h"], rel=0.4)
-
-
-@pytest.mark.parametrize("name", ["disc", "ball"])
-@pytest.mark.parametrize("quarter", [False, True])
-def test_round_bodies_touch_the_ground_in_a_node_at_the_origin(name: str, quarter: bool) -> None:
-    geometry = make(name, radius=2.0, h=0.5, quarter=quarter)
-    with build(geometry) as model:
-        points, _, facets = read(model, geometry.dim)
-    ground = points[:, geometry.dim - 1]
-    assert ground.min() == pytest.approx(0, abs=1e-12)
-    assert np.linalg.norm(points, axis=1).min() == pytest.approx(0, abs=1e-12)
-    axis_distance = np.linalg.norm(points[:, : geometry.dim - 1], axis=1)
-    assert axis_distance[np.unique(facets["contact"])].max() == pytest.approx(0.5)
-    centre = np.zeros(3)
-    centre[geometry.dim - 1] = 2.0
-    curved = np.unique(np.concatenate([facets["contact"].ravel(), facets["side"].ravel()]))
-    assert np.linalg.norm(points[curved] - centre, axis=1) == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(
@@ -276,9 +218,8 @@ def test_same_parameters_give_the_same_mesh_to_the_bit(
 
 
 @pytest.mark.parametrize("name", BUILDERS)
-@pytest.mark.parametrize("unit", [1e-9, 2.54e-2, 1e9])
-def test_a_body_has_the_same_mesh_in_any_unit_of_length(name: str, unit: float) -> None:
-    given = BUILDERS[name]()
+def test_a_body_has_the_same_mesh_in_another_unit_of_length(name: str) -> None:
+    given, unit = BUILDERS[name](), 2.54e-9
     scaled: dict[str, Any] = {
         key: tuple(unit * x for x in value) if isinstance(value, tuple) else unit * value
         for key, value in ((key, getattr(given, key)) for key, _ in given.lengths())
@@ -300,54 +241,29 @@ def test_impossible_element_sizes_are_refused(name: str, key: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "given", "message"),
+    ("name", "given", "key"),
     [
-        ("block", {"dim": 1}, "dim: must be 2 or 3"),
-        ("block", {"dim": True}, "dim: must be 2 or 3"),
-        ("block", {"dim": "2"}, "dim: must be 2 or 3"),
-        ("block", {"dim": 3, "size": [1, 1]}, "size: must be a list of 3 numbers in 3D"),
-        ("block", {"size": 1.0}, "size: must be a list of 2 numbers"),
-        ("block", {"size": "11"}, "size: must be a list of 2 numbers"),
-        ("block", {"size": [1, -1]}, "size: must be positive"),
-        ("block", {"size": [1, math.nan]}, "size: must be finite"),
-        ("block", {"size": [1, 0.05]}, "h: 0.1 is more than the thickness of the body, 0.05"),
-        ("block", {"h_contact": 0.2}, "h_contact: 0.2 is more than h, 0.1"),
-        ("block", {"structured": 1}, "structured: must be true or false"),
-        ("block", {"structured": True, "h_contact": 0.05}, "h_contact: a structured block"),
-        ("block", {"h": 1e-4}, "h: 0.0001 would make about 2e\\+08 cells"),
-        ("block", {"h_contact": 2e-5, "dim": 3}, "h_contact: 2e-05 would make about"),
-        ("block", {"h": 1e-4, "structured": True}, "h: 0.0001 would make about 2e\\+08 cells"),
-        ("stack", {"dim": 3, "structured": True}, "structured: a stack in 3D .* add cells: box"),
-        ("stack", {"dim": 3, "cells": "box"}, "cells: box in 3D is for a block or a stack with"),
-        ("punch", {"half_width": 1.0}, "half_width: 1 is not less than the width"),
-        ("punch", {"dim": 3, "size": [2, 0.2, 1]}, "half_width: 0.25 is not less than"),
-        ("punch", {"half_width": 0.05}, "h_contact: 0.1 is more than half_width, 0.05"),
-        ("disc", {"radius": -1}, "radius: must be positive"),
-        ("disc", {"h": 1.5, "h_contact": 0.1}, "h: 1.5 is more than the thickness"),
-        ("disc", {"contact_width": 1.0}, "contact_width: 1 is not less than the radius"),
-        ("disc", {"contact_width": 0.05}, "h_contact: 0.1 is more than contact_width, 0.05"),
-        ("disc", {"half": False, "quarter": True}, "quarter: .* set half: true"),
-        ("disc", {"half": None}, "half: must be true or false"),
-        ("ball", {"contact_width": 1e-4}, "contact_width: .* less than a thousandth"),
-        ("ball", {"contact_width": 2.0}, "contact_width: 2 is not less than the radius"),
-        ("ball", {"h": 0.004}, "h: 0.004 would make about 3e\\+08 cells"),
-        (
-            "annulus",
-            {"outer_radius": 0.5},
-            "inner_radius: 1 is not less than the outer",
-        ),
-        ("annulus", {"inner_radius": 1.95}, "h: 0.1 is more than the thickness"),
-        ("l_shape", {"notch": [0.5, 1]}, "notch: .* is not inside the block"),
-        ("l_shape", {"notch": [0.5]}, "notch: must be a list of 2 numbers"),
-        ("l_shape", {"notch": [0.95, 0.5]}, "h: 0.1 is more than the thickness of the body"),
-        ("inclusion", {"centre": [0.2, 0.5]}, "radius: an inclusion .* does not stay inside"),
-        ("inclusion", {"radius": 0.5}, "radius: an inclusion .* does not stay inside"),
-        ("inclusion", {"radius": 0.05}, "h: 0.1 is more than the radius of the inclusion"),
-        ("inclusion", {"dim": 3, "centre": [0.5, 0.5]}, "centre: must be a list of 3 numbers"),
+        ("block", {"dim": 1}, "dim"),
+        ("block", {"dim": 3, "size": [1, 1]}, "size"),
+        ("block", {"size": 1.0}, "size"),
+        ("block", {"size": [1, 0.05]}, "h"),
+        ("block", {"h_contact": 0.2}, "h_contact"),
+        ("block", {"structured": True, "h_contact": 0.05}, "h_contact"),
+        ("block", {"h": 1e-4}, "h"),
+        ("stack", {"dim": 3, "structured": True}, "structured"),
+        ("stack", {"dim": 3, "cells": "box"}, "cells"),
+        ("punch", {"half_width": 1.0}, "half_width"),
+        ("punch", {"dim": 3, "size": [2, 0.2, 1]}, "half_width"),
+        ("disc", {"contact_width": 1.0}, "contact_width"),
+        ("disc", {"half": False, "quarter": True}, "quarter"),
+        ("ball", {"contact_width": 1e-4}, "contact_width"),
+        ("annulus", {"outer_radius": 0.5}, "inner_radius"),
+        ("l_shape", {"notch": [0.5, 1]}, "notch"),
+        ("inclusion", {"centre": [0.2, 0.5]}, "radius"),
     ],
 )
-def test_impossible_parameters_are_refused(name: str, given: dict[str, Any], message: str) -> None:
-    with pytest.raises(ValueError, match=f"^{message}"):
+def test_impossible_parameters_are_refused(name: str, given: dict[str, Any], key: str) -> None:
+    with pytest.raises(ValueError, match=f"^{key}: "):
         BUILDERS[name](**given)
 
 

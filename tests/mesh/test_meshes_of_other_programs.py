@@ -130,18 +130,6 @@ def test_each_side_of_a_hexahedron_is_that_of_abaqus(side: int, tmp_path: Path) 
     assert group.normal == pytest.approx(normal)
 
 
-def test_elements_of_second_order_are_taken_by_their_corners_with_one_warning(
-    tmp_path: Path,
-) -> None:
-    """C3D20 on two lines of data, the first of which ends with a comma."""
-    nodes = "".join(f"{number}, .5, .5, .5\n" for number in range(9, 21))
-    cell = "1, 1,2,3,4,5,6,7,8, 9,10,11,12,13,14,15,\n16,17,18,19,20"
-    deck = f"*Node\n{CUBE_NODES}{nodes}*Element, type=C3D20R, elset=Body\n{cell}\n"
-    domain, (finding,) = converted(tmp_path, f"{deck}*Nset, nset=Sole\n1,2,3,4,9,10,11,12\n")
-    assert domain.num_cells == 1 and sizes(domain) == {"Sole": 1}
-    assert finding.code == "mesh.second_order" and list(domain.cell_names) == ["Body"]
-
-
 def test_elements_of_other_kinds_are_left_out_and_counted(tmp_path: Path) -> None:
     deck = CUBE + (
         "*ELEMENT, TYPE=SPRINGA, ELSET=SP\n2, 1, 2\n3, 2, 3\n*ELEMENT, TYPE=MASS, ELSET=M\n4, 1\n"

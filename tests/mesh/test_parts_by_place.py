@@ -91,14 +91,6 @@ def test_a_cavity_on_the_axis_of_revolution_has_a_skin_of_its_own(
     assert (found["cavity"][0], found["outside"][0]) == (3, 7)
 
 
-def test_an_open_cavity_is_no_inner_skin(tmp_path: Path, comm: MPI.Intracomm) -> None:
-    outside = {"outside": {"skin": "outer"}}
-    assert hollow(tmp_path, comm, (3, 3), (1, 0), outside)["outside"][0] == 14
-    with pytest.raises(InputError) as caught:
-        hollow(tmp_path, comm, (3, 3), (1, 0), SKINS)
-    assert caught.value.key == "mesh.parts.cavity" and "outer skin" in str(caught.value)
-
-
 def test_facets_face_a_direction_within_other_places(comm: MPI.Intracomm) -> None:
     parts = {
         "up": {"facing": [0, 1]},

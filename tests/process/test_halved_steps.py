@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import pytest
-from problems import block
 from rings import floor, ring
 from seal import seal
 from sheared_block import all_of, sheared
 from slow import slow
 
 from contact_locking import Parameters, solve_steps
+from contact_locking.process.loop import Timeline
 from contact_locking.process.problem_solver import ProblemSolver
+from contact_locking.process.settings import Steps
 from contact_locking.results.in_words import verdict
+from contact_locking.results.solution import StudySolution
+from contact_locking.running.run import run
 from contact_locking.solver.task import SolverReport
 from contact_locking.study.assembly import StudyProblem
 
@@ -85,33 +87,6 @@ def test_halving_ends_at_the_least_step(monkeypatch: pytest.MonkeyPatch) -> None
     assert found[0].summary["steps"]["halvings"] == 2
 
 
-def test_a_process_goes_as_far_as_the_locking_limit_lets_it() -> None:
-    # Between two clamped ends the strain is at least the relative elongation: 0.02 at t = 0.4.
-    loads = {
-        "displacements": [
-            {"on": "left", "value": [0, None]},
-            {"on": "right", "value": ["0.05*t", None]},
-            {"on": ["bottom", "top"], "value": [None, 0]},
-        ]
-    }
-    steps = {"to": 1.0, "count": 2, "least": 0.02}
-    found = list(
-        solve_steps(
-            block(
-                h=0.5,
-                loads=loads,
-                contact={"on": []},
-                friction={},
-                steps=steps,
-                penalty__n=math.inf,
-            )
-        )
-    )
-    assert not found[-1].converged and found[-1].summary["reason"].startswith("infeasible")
-    last = [solution.time for solution in found if solution.converged][-1]
-    assert 0.4 - 0.04 <= last <= 0.4
-
-
 STEPS = {"times": [0.3, 1.0], "least": 0.04}
 
 
@@ -173,3 +148,40 @@ def test_no_time_beyond_one_at_which_nothing_is_admissible_is_tried(
     # The last row is the state where the process ended; charts leave it out.
     (*converged, failed), steps = last.history.column("converged"), last.summary["steps"]
     assert all(converged) and not failed and steps["solved"] == len(converged)
+
+
+def test_a_run_that_stops_has_the_last_solution_in_its_files(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve_one = ProblemSolver.solve
+
+    def solved(solver: ProblemSolver, *given: Any) -> SolverReport:
+        if solver.problem.clock.now > 0.6:
+            return SolverReport(reason="it is late", suggestion="be quick")
+        return solve_one(solver, *given)
+
+    monkeypatch.setattr(ProblemSolver, "solve", solved)
+    steps = {"to": 1, "count": 2, "least": 0.2, "on_failure": "stop"}
+    output = {"picture": False, "fields": False}
+    last, _ = run(seal(steps=steps, output=output), tmp_path)
+    assert isinstance(last, StudySolution) and last.converged and last.time == 0.5
+    assert len(last.history) == 1 and "it is late" in last.summary["steps"]["ended"]
+    assert (tmp_path / "history.csv").read_text().count("\n") == 2
+
+
+def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
+    timeline = Timeline(Steps(times=(1.0, 2.0)))
+    timeline.refuse(1.1, SolverReport(reason="too far"))
+    timeline.refuse(1.0, SolverReport(reason="infeasible"))
+    seen = [(timeline.target, timeline.is_barred)]
+    assert timeline.fail()
+    seen.append((timeline.target, timeline.is_barred))
+    assert timeline.explained("late", 0.5, 0.25)["reason"].startswith("infeasible, at t = 1; ")
+    timeline.succeed()
+    seen.append((timeline.target, timeline.is_barred))
+    assert seen == [(1.0, True), (0.5, False), (1.0, True)]
+    # The step to the time that is refused is halved three times at most.
+    assert [timeline.fail() for _ in range(3)] == [True, True, False]
+    timeline.skip_to(1.0)
+    timeline.succeed()
+    assert timeline.refused is None and timeline.explained("late", 2.0, 1.0) == {}

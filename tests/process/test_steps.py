@@ -160,36 +160,6 @@ def test_results_do_not_depend_on_the_number_of_ranks() -> None:
             assert np.allclose(mine, other, rtol=1e-5, atol=1e-6 * np.abs(mine).max() + 1e-9), name
 
 
-def test_steps_with_nothing_to_do_leave_bodies_at_rest() -> None:
-    """A body at rest has no inside of its cones for the next step to go on from."""
-    box = [[4.2, 20.0], [4.2, 0.0], [0.0, 0.0], [0.0, 20.0]]
-    lid = {"half_space": {"point": [0.0, 15.0], "normal": [0.0, -1.0]}, "motion": [0.0, "-0.1*t"]}
-    data = {
-        "mesh": {
-            "builder": "grains",
-            "count": 2,
-            "spread": 0.005,
-            "width": 4.2,
-            "seed": 19,
-            "h": 0.4,
-        },
-        "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.04},
-        "loads": {"springs": [{"on": "grains", "stiffness": 1e-6}]},
-        "contact": [
-            {"on": "grains", "against": "grains"},
-            {"on": "grains", "name": "box", "foundation": {"polyline": box}},
-            {"on": "grains", "name": "lid", "foundation": lid},
-        ],
-        "friction": {"coefficient": 0.3, "smoothing": {"kernel": "none"}},
-        "steps": {"to": 4.0, "count": 4},
-        "output": {"picture": False},
-    }
-    solutions = list(solve_steps(Parameters.model_validate(data), MPI.COMM_WORLD))
-    assert len(solutions) == 4
-    for solution in solutions:
-        assert solution.converged and not solution.displacement.x.array.any()
-
-
 RUN = """
 import os, signal, sys
 from contact_locking import load

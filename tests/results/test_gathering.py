@@ -8,14 +8,12 @@ large for the memory of one rank can then be solved, certified, written and save
 from __future__ import annotations
 
 import pickle
-import platform
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import block
@@ -25,7 +23,6 @@ from contact_locking.mesh.sources import gather_mesh
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import run as writing
 from contact_locking.running import solving
-from contact_locking.running.run import return_freed_memory
 from contact_locking.view.pictures.gather import gather
 
 OUTPUT = {
@@ -85,23 +82,3 @@ def test_only_sums_bypass_the_meters_as_buffers() -> None:
         for name in buffers.findall(path.read_text(encoding="utf-8"))
     }
     assert found <= {"Abort", "Allreduce", "Barrier", "Ibarrier"} and "Allreduce" in found
-
-
-@pytest.mark.serial
-def test_freed_memory_goes_back_to_the_system() -> None:
-    status = Path("/proc/self/status")
-    if not status.is_file() or platform.libc_ver()[0] != "glibc":
-        pytest.skip("the memory of a process is known on Linux, and given back by its C library")
-
-    def resident() -> int:
-        found = re.search(r"VmRSS:\s+(\d+) kB", status.read_text(encoding="utf-8"))
-        assert found is not None
-        return int(found[1])
-
-    pieces = [np.ones(8_000) for _ in range(1_000)]
-    # The last piece keeps the heap from shrinking by itself.
-    last = pieces.pop()
-    del pieces
-    full = resident()
-    return_freed_memory()
-    assert resident() < full - 40_000 and last.sum() == 8_000

@@ -93,21 +93,6 @@ def test_probes_do_not_depend_on_the_ranks(degree: int) -> None:
         assert together[name][0] == together[name][6]
 
 
-def test_tables_tell_their_units_and_are_saved_as_arrays(tmp_path: Path) -> None:
-    solution = solve(square(output={"probes": PROBES}))
-    if solution.contact_points is None or solution.probes is None:
-        return
-    units = {"x": "length", "u_y": "length", "strain_norm": "1", "stress_xy": "stress"}
-    for sampled in (solution.probes, solution.contact_points.table):
-        sampled.save(tmp_path / "table.npz")
-        with np.load(tmp_path / "table.npz") as stored:
-            assert len(stored["units"]) == len(sampled.columns)
-            told = dict(zip(sampled.columns, stored["units"].tolist(), strict=True))
-            assert np.array_equal(stored["x"], sampled.columns["x"])
-        assert all(told[name] == units[name] for name in units.keys() & told.keys())
-    assert told["pressure"] == told["bound"] == "stress" and told["state"] == "1"
-
-
 class _Stopping(Monitor):
     """Stops a process before its second step."""
 
@@ -147,3 +132,18 @@ def test_a_point_outside_of_the_body_is_refused_before_the_solve(probe: Any, key
     with pytest.raises(InputError, match="outside of the mesh") as caught:
         assemble(square(output={"probes": [{"points": [[0, 0]]}, probe]}), MPI.COMM_WORLD)
     assert caught.value.key == key
+
+
+def test_tables_tell_their_units_and_are_saved_as_arrays(tmp_path: Path) -> None:
+    solution = solve(square(output={"probes": PROBES}))
+    if solution.contact_points is None or solution.probes is None:
+        return
+    units = {"x": "length", "u_y": "length", "strain_norm": "1", "stress_xy": "stress"}
+    for sampled in (solution.probes, solution.contact_points.table):
+        sampled.save(tmp_path / "table.npz")
+        with np.load(tmp_path / "table.npz") as stored:
+            assert len(stored["units"]) == len(sampled.columns)
+            told = dict(zip(sampled.columns, stored["units"].tolist(), strict=True))
+            assert np.array_equal(stored["x"], sampled.columns["x"])
+        assert all(told[name] == units[name] for name in units.keys() & told.keys())
+    assert told["pressure"] == told["bound"] == "stress" and told["state"] == "1"

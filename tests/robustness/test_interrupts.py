@@ -92,11 +92,11 @@ def test_a_signal_to_one_rank_inside_its_linear_solver_ends_all_and_leaves_no_re
         signal.signal(signal.SIGINT, signal.default_int_handler)
         apply, calls = FilteredMultigrid.apply, []
 
-        def interrupted(self, r, z):
+        def interrupted(self, r, z, vanishes):
             calls.append(1)
             if len(calls) == 5 and MPI.COMM_WORLD.rank == {rank}:
                 os.kill(os.getpid(), {int(end)})
-            apply(self, r, z)
+            apply(self, r, z, vanishes)
 
         FilteredMultigrid.apply = interrupted
         sys.exit(cli.main())

@@ -15,6 +15,7 @@ from mpi4py import MPI
 from slow import slow
 from sweep import run, unseen
 from sweep.case import Case, Study, Truth, clamp, study
+from sweep.comparisons import against_transformed
 from sweep.covering import pairs_in, pairs_of
 from sweep.elements import Mesh
 from sweep.families import FAMILIES, PAIRS, case_of
@@ -50,10 +51,10 @@ Change = Callable[[Moment], Moment]
 
 
 @cache
-def _solved(n: float, degree: int, gap: float = 1e-3) -> Judged:
+def _solved(n: float, element: str, gap: float = 1e-3) -> Judged:
     """A block in two steps, of which a part locks, sticks, slips and stands open."""
     data: Study = {
-        "mesh": {"builder": "block", "dim": 2, "h": 0.15},
+        "mesh": {"builder": "block", "h": 0.15, "cells": "box" if element == "Q1" else "simplex"},
         "material": {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.02},
         "loads": {
             "tractions": [{"on": "top", "value": ["0.04*t", "-0.05*t"]}],
@@ -65,7 +66,7 @@ def _solved(n: float, degree: int, gap: float = 1e-3) -> Judged:
             "smoothing": {"kernel": "convolution", "radius": 0.4},
             "regularisation": 0.0 if math.isinf(n) else 1e-6,
         },
-        "discretisation": {"degree": degree},
+        "discretisation": {"degree": int(element[1])},
         "penalty": {"n": n} | ({} if math.isinf(n) else {"epsilon": 1e-2}),
         "steps": {"to": 1.0, "count": 2},
     }
@@ -77,12 +78,12 @@ def _solved(n: float, degree: int, gap: float = 1e-3) -> Judged:
     return data, mesh, tuple(moments)
 
 
-_KINDS = [(math.inf, 1), (math.inf, 2), (1e3, 1), (1e3, 2)]
+_KINDS = [(n, element) for n in (math.inf, 1e3) for element in ("P1", "P2", "Q1")]
 
 
-@pytest.mark.parametrize(("n", "degree"), _KINDS)
-def test_the_judge_finds_no_fault_with_a_solution(n: float, degree: int) -> None:
-    data, mesh, moments = _solved(n, degree)
+@pytest.mark.parametrize(("n", "element"), _KINDS)
+def test_the_judge_finds_no_fault_with_a_solution(n: float, element: str) -> None:
+    data, mesh, moments = _solved(n, element)
     assert complaint(Judge(data, mesh).violations(moments)) == ""
     states = moments[-1].contacts[0]
     slides = np.linalg.norm(states.traction, axis=1) > 0.98 * states.bound
@@ -135,37 +136,48 @@ _MISTAKES: list[tuple[Change, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("n", "degree"), _KINDS)
+@pytest.mark.parametrize(("n", "element"), _KINDS)
 @pytest.mark.parametrize(("change", "law"), _MISTAKES)
-def test_the_judge_finds_a_mistake(n: float, degree: int, change: Change, law: str) -> None:
-    data, mesh, moments = _solved(n, degree)
+def test_the_judge_finds_a_mistake(n: float, element: str, change: Change, law: str) -> None:
+    data, mesh, moments = _solved(n, element)
     found = Judge(data, mesh).violations([*moments[:-1], change(moments[-1])])
     assert found[law] > 1.0, found
 
 
-@pytest.mark.parametrize(("n", "degree"), _KINDS)
-def test_the_judge_finds_a_solution_that_misses_the_foundation(n: float, degree: int) -> None:
+@pytest.mark.parametrize(("n", "element"), _KINDS)
+def test_the_judge_finds_a_solution_that_misses_the_foundation(n: float, element: str) -> None:
     """The solution for a foundation that is farther away is none for a near one."""
-    data, mesh, moments = _solved(n, degree, gap=4e-3)
-    near = copy.deepcopy(data) | {"contact": _solved(n, degree)[0]["contact"]}
+    data, mesh, moments = _solved(n, element, gap=4e-3)
+    near = copy.deepcopy(data) | {"contact": _solved(n, element)[0]["contact"]}
     found = Judge(near, mesh).violations(moments)
     assert found["penetration" if math.isinf(n) else "contact law"] > 1.0
     assert found["reported gap"] > 1.0
 
 
+def test_an_answer_that_depends_on_units_is_found() -> None:
+    """In energies to 1e-5 of the largest."""
+    data, mesh, moments = _solved(math.inf, "P1")
+    same, judge = Transform(((1.0, 0.0), (0.0, 1.0))), Judge(data, mesh)
+    for share, is_same in ((1.0, True), (_SHARE, False)):
+        energy = share * moments[0].summary["elastic_energy"]
+        told = moments[0].summary | {"elastic_energy": energy}
+        others = [dataclasses.replace(moments[0], summary=told), *moments[1:]]
+        assert (against_transformed(same, judge, moments, others)[0] == "") == is_same
+
+
 def test_the_judge_knows_what_friction_remembers() -> None:
     """Without the first step the second has another slip, and another coefficient."""
-    data, mesh, moments = _solved(math.inf, 1)
+    data, mesh, moments = _solved(math.inf, "P1")
     found = Judge(data, mesh).violations(moments[1:])
     assert found["friction law"] > 1.0 or found["reported bound"] > 1.0
 
 
 def test_the_judge_knows_the_strain_beyond_its_limit_and_the_penalty() -> None:
-    data, mesh, moments = _solved(math.inf, 1)
+    data, mesh, moments = _solved(math.inf, "P1")
     tight = copy.deepcopy(data)
     tight["material"]["locking_limit"] = 0.0199
     assert Judge(tight, mesh).violations(moments)["strain beyond its limit"] > 1.0
-    data, mesh, moments = _solved(1e3, 1)
+    data, mesh, moments = _solved(1e3, "P1")
     stiff = copy.deepcopy(data)
     stiff["penalty"]["n"] = 1.1e3
     assert Judge(stiff, mesh).violations(moments)["locking penalty"] > 1.0
@@ -283,11 +295,12 @@ def test_a_true_and_a_false_verdict_of_infeasibility_are_told_apart() -> None:
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_transform_and_its_inverse_leave_a_study_as_it_was(dim: int) -> None:
-    there = Transform.random(np.random.default_rng(dim), dim, homogeneous=True)
+    random, mesh = np.random.default_rng(dim), {"builder": "block", "dim": dim}
+    there = Transform.random(random, {"mesh": mesh}, homogeneous=True)
     rows = tuple(zip(*there.rows, strict=True))
     back = Transform(rows, 1.0 / there.length, 1.0 / there.stress, 1.0 / there.load)
     np.testing.assert_allclose(back.matrix @ there.matrix, np.eye(dim))
-    for family in ("anisotropic", "tilted", "overlap", "approach_curved"):
+    for family in ("anisotropic", "tilted", "overlap", "approach_curved", "sprung", "heated"):
         cases = (case_of(family, seed).study for seed in range(50))
         # The axis of a cylinder is written out.
         given = next(c for c in cases if c["mesh"]["dim"] == dim and "cylinder" not in str(c))

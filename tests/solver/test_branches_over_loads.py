@@ -103,3 +103,11 @@ def test_a_key_that_is_no_load_is_refused() -> None:
     for key in ("loads.springs", "friction.smoothing.radius", "loads.tractions.1"):
         with pytest.raises(ValueError, match="names no load"):
             Parameters.model_validate(_clamped(branches={"over": key}))
+
+
+def test_a_branch_over_loads_begins_at_a_solution() -> None:
+    data = _clamped(branches={"over": "loads"}, solver={"max_iterations": 1})
+    solution = solving.solve(Parameters.model_validate(data))
+    assert not solution.converged
+    assert "not found" in solution.summary["branches"]["end"]
+    assert solution.summary["branches"]["leaves_at"] is None

@@ -12,7 +12,6 @@ import pytest
 from mpi4py import MPI
 from sweep.case import Study, clamp, study
 
-from contact_locking import study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import InputError
 from contact_locking.process.problem_solver import ProblemSolver
@@ -28,7 +27,6 @@ from contact_locking.theory.constants import BY_KAPPA
 from contact_locking.theory.equilibria.bound_map import BoundMap, Branch, OverShare
 from contact_locking.theory.equilibria.search import (
     Equilibria,
-    diagram,
     equilibria,
     has_map,
 )
@@ -116,28 +114,6 @@ def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     assert not has_map(Task(solver.system, solver.target, solver.settings))
     with pytest.raises(InputError, match="more than friction holds"):
         next(equilibria(solver.task, solver.solve(), 2))
-    solver.close()
-
-
-def _wedged() -> ProblemSolver:
-    """The block of demos/studies/lost_equilibrium.yml with more friction than it can bear."""
-    path = Path(__file__).parents[2] / "demos" / "studies" / "lost_equilibrium.yml"
-    parameters = study_file.load(path, ["friction.coefficient=0.3", "study=null"]).parameters
-    solver = SolvableStudy(assemble(parameters, MPI.COMM_SELF)).solver
-    solver.begin()
-    return solver
-
-
-@pytest.mark.slow
-@pytest.mark.serial
-def test_the_branch_of_a_block_that_wedges_has_bounds_that_grow() -> None:
-    solver = _wedged()
-    found = diagram(solver.task, 1.2)
-    # The closed form of docs/studies.md, section 5, is fitted to solves below the fold.
-    assert found.folds[0] * 0.3 == pytest.approx(0.292, abs=5e-4)
-    assert "grows" in found.end
-    # Points of the branch are solved to a share of 1e-4 of the bounds.
-    assert max(point.share for point in found.points) == pytest.approx(found.folds[0], rel=1e-6)
     solver.close()
 
 
@@ -239,3 +215,13 @@ def test_nothing_is_searched_beside_a_solution_that_is_proved_to_be_unique(
     verdict = found.summary["certificate"]["constants"]["uniqueness"]
     assert verdict["verdict"] == BY_KAPPA and found.summary["index"] == 1
     assert "kappa is below 1" in found.summary["equilibria"]["missing"]
+
+
+@pytest.mark.serial
+def test_a_solution_that_is_the_only_one_is_not_found_again() -> None:
+    top = {"on": "top", "value": [0.005766154728078064, -0.0035503511531850725]}
+    right = {"on": "right", "value": [0.019467886730568002, -0.03410015127565173]}
+    loads = {"displacements": [top], "tractions": [right]}
+    data = _third_block(2.0 / 3.0, {"poisson": 0.11307192278048947}, 10.858313132829654, loads)
+    data["contact"] = {"on": "bottom", "gap": -0.004294269749203719}
+    assert len(_solutions(Parameters.model_validate(data))) == 1

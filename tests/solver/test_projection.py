@@ -5,41 +5,37 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
 import pytest
-from mpi4py import MPI
 from problems import block
 from slow import slow
 from solved_by_cg import agree, solved
 
-from contact_locking.errors import InputError
 from contact_locking.running import solving
-from contact_locking.solver.linear import tangent_solver
+from contact_locking.solver.linear import gmres
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.gmres import Gmres
-from contact_locking.solver.linear.ksp import LINEAR_SOLVERS, default_options
+from contact_locking.solver.linear.gmres import MultigridTangents
 from contact_locking.solver.linear.multigrid import FilteredMultigrid
 
 
 def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """A list that gets the iterations of each solve without forces that follow."""
     counts: list[int] = []
-    solve = Gmres.solve
+    improve = MultigridTangents._improve
 
-    def counted(self: Gmres, *given: Any) -> tuple[int, float]:
-        count, left = solve(self, *given)
-        if given[-1] is None:
-            counts.append(count)
-        return count, left
+    def counted(self: MultigridTangents, *given: Any) -> float:
+        before = self.iterations
+        left = improve(self, *given)
+        if self._follow is None:
+            counts.append(self.iterations - before)
+        return left
 
-    monkeypatch.setattr(Gmres, "solve", counted)
+    monkeypatch.setattr(MultigridTangents, "_improve", counted)
     return counts
 
 
 def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
     """Let everything be too large for the filter, from the first tangent on, for any n."""
-    for name in ("_PATIENCE_OF_PROJECTION", "_LONGER_PATIENCE"):
-        monkeypatch.setattr(tangent_solver, name, 0)
+    monkeypatch.setattr(gmres, "_PATIENCE", {dim: 0})
     for degree in (1, 2):
         monkeypatch.setitem(FILTER_LIMIT, (dim, degree), 0)
 
@@ -97,7 +93,7 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
+    monkeypatch.setattr(gmres, "_PATIENCE", {3: patience})
     by_cg = solved(1e4, "iterative")
     tangents = by_cg.summary["iterations"]["tangents"]
     if patience == _NEVER:
@@ -110,20 +106,6 @@ def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     agree(by_cg, solved(1e4, "direct"))
 
 
-def test_another_linear_solver_is_an_entry_of_the_table(monkeypatch: pytest.MonkeyPatch) -> None:
-    by_diagonal = {"ksp_type": "cg", "pc_type": "jacobi", "ksp_rtol": 1e-10, "ksp_max_it": 10_000}
-    monkeypatch.setitem(LINEAR_SOLVERS, "diagonal", lambda comm: dict(by_diagonal))
-    given = block(2, 0.25, penalty__n=1e2)
-    solver = given.solver.model_copy(update={"linear": "diagonal"})
-    by_default = solving.solve(given)
-    by_entry = solving.solve(given.model_copy(update={"solver": solver}))
-    assert by_entry.converged, by_entry.summary["reason"]
-    assert by_entry.summary["iterations"]["linear"] > by_default.summary["iterations"]["linear"]
-    # Without a direct solver the pieces do not finish: what the duality gap leaves is a square.
-    u, expected = by_entry.displacement.x.array, by_default.displacement.x.array
-    assert np.abs(u - expected).max() <= 1e-4 * np.abs(expected).max()
-
-
-def test_a_linear_solver_without_an_entry_is_refused_with_those_there_are() -> None:
-    with pytest.raises(InputError, match="there are: auto, direct, iterative"):
-        default_options("dirct", 2, 100, MPI.COMM_SELF)
+def test_users_may_factorise_instead() -> None:
+    mumps = {"pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+    agree(solved(1e4, "iterative", ksp_type="preonly", **mumps), solved(1e4, "direct"))

@@ -43,6 +43,8 @@ def test_new_writes_a_file_and_overwrites_none(
     assert cli.main(["new"]) == 0
     assert "contact-locking check study.yml" in capsys.readouterr().out
     before = (tmp_path / "study.yml").read_text()
+    assert cli.main(["new", "--like", "hrtz", "-o", "mine.yml"]) == 2
+    assert "'hertz'" in capsys.readouterr().err
     assert cli.main(["new", "--like", "hertz"]) == 2
     assert "there is a file already" in capsys.readouterr().err
     assert (tmp_path / "study.yml").read_text() == before

@@ -62,7 +62,7 @@ def test_a_dump_loads_back_to_equal_parameters(file: Path, tmp_path: Path) -> No
         assert load(again).parameters == parameters
 
 
-@settings(deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(TITLE, TEXT)
 def test_any_text_survives_a_dump(folder: Path, title: str, option: str) -> None:
     parameters = from_mapping({"title": title, "solver": {"petsc": {"prefix": option}}})

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+import pytest
+
 HEAD = """# Problems with known answers
 
 `make verification` solves problems with a known answer, in closed form or published, and writes
@@ -43,6 +45,25 @@ class Row:
         exact = 0.0 if self.exact is None else self.exact
         numbers = f"{self.computed:.4g} | {exact:.4g} | {self.error:.1e}"
         return f"| {self.id} {self.problem} | {self.quantity} | {numbers} |"
+
+
+class Rows(list[Row]):
+    """The rows that tests have found."""
+
+    def add(
+        self,
+        id: str,
+        problem: str,
+        quantity: str,
+        computed: float,
+        exact: float | None,
+        rel: float | None = None,
+        abs: float | None = None,
+    ) -> None:
+        """Add a row, and assert that it is as exact as that, if a tolerance is given."""
+        self.append(Row(id, problem, quantity, computed, exact))
+        if rel is not None or abs is not None:
+            assert computed == pytest.approx(exact or 0.0, rel=rel, abs=abs), quantity
 
 
 def table_text(rows: Iterable[Row]) -> str:

@@ -10,11 +10,12 @@ from mpi4py import MPI
 from problems import solved
 from sweep.case import Study
 
+from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.errors import InputError
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.running.solving import solve
+from contact_locking.running.solving import solve, solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
@@ -135,27 +136,6 @@ def test_friction_that_grows_with_the_slip_holds_a_body_after_a_slip_of_0_01(law
     assert found.summary["friction_used"] == pytest.approx(1.0) and not found.summary["warnings"]
 
 
-def test_feet_that_slide_apart_hold_each_other() -> None:
-    """Both feet slide outwards with all of their friction, and a push moves none of them away."""
-    pulls = [{"on": "left", "value": [-1.0, 0.0]}, {"on": "right", "value": [1.0, 0.0]}]
-    found = solved(
-        pushed(
-            2,
-            0.0,
-            mesh={
-                "builder": "block",
-                "size": [4.0, 1.0],
-                "h": 0.3,
-                "parts": {"feet": {"on": "bottom", "expression": "x < 1 or x > 3"}},
-            },
-            loads={"tractions": [{"on": "top", "value": [0.0, -0.01]}, *pulls]},
-            contact={"on": "feet"},
-        )
-    )
-    assert found.summary["friction_used"] > 1.0 - 1e-4
-    assert not found.summary["warnings"]
-
-
 def _block(loads: dict[str, Any], gap: float = 0.0, friction: float = 0.5, **mesh: Any) -> Any:
     return {
         "mesh": {"builder": "block", "dim": 2, "h": 0.2} | mesh,
@@ -211,3 +191,15 @@ def test_a_body_that_its_support_leads_off_the_foundation_is_refused(
     assert not last.converged
     assert f"{what} cannot hold the body" in last.summary["reason"]
     assert "translation along x and y" in last.summary["reason"]
+
+
+def test_a_bound_of_the_users_own_holds_no_more_than_the_solver_reached() -> None:
+    class Own(FrictionBound):
+        def evaluate(self, pressure: Any, slip: Any) -> Any:
+            return super().evaluate(pressure, slip)
+
+    problem = assemble(pushed(2, 3.0), MPI.COMM_WORLD)
+    (contact,) = problem.contacts
+    contact.friction = Own(contact.surface, contact.friction.smoothing, contact.friction.law)
+    found = solve_assembled(problem)
+    assert not found.converged and "needs 12" in found.summary["reason"]

@@ -27,6 +27,7 @@ class Truth:
     a displacement that is large enough, rounding hides that forces do not balance.  ``unique`` says
     whether another displacement solves the problem; ``other`` is a translation to such a solution,
     or its opposite.  ``slip`` (d - 1,) is the slip along the axes at all nodes of Gamma_C.
+    ``maybe`` is a part of the message of a refusal that is right where there is no solution.
     ``told`` are words of the message of a refusal, or of a warning, that are right where the mesh
     misses something, and ``band`` the place, half of the width and the size of a pressure on top.
     """
@@ -36,6 +37,7 @@ class Truth:
     translation: tuple[float, ...] | None = None
     homogeneous: bool = False
     refused: str | None = None
+    maybe: str | None = None
     unique: bool | None = None
     other: tuple[float, ...] | None = None
     slip: tuple[float, ...] | None = None
@@ -45,7 +47,7 @@ class Truth:
     @property
     def messages(self) -> tuple[str, ...]:
         """Parts of the messages of refusals that are right."""
-        return self.told if self.refused is None else (self.refused, *self.told)
+        return (*filter(None, (self.refused, self.maybe)), *self.told)
 
 
 @dataclass(frozen=True)
@@ -53,14 +55,12 @@ class Case:
     """A study with its truth.
 
     With ``verge`` the prescribed displacements are multiplied, before the solve, by this share of
-    the largest factor that the mesh admits.  ``twin`` is the same process in other units, with a
-    modulus of 1.  A problem of pairs has its features in ``row``.
+    the largest factor that the mesh admits.  A problem of pairs has its features in ``row``.
     """
 
     study: Study
     truth: Truth = field(default_factory=Truth)
     verge: float | None = None
-    twin: Study | None = None
     row: str = ""
 
 

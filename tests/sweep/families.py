@@ -26,11 +26,10 @@ def case_of(name: str, seed: int, linear: str = "auto", n: float | None = None) 
         # The seed is the number of a row as well.
         return pairs(random, seed)
     case = FAMILIES[name](random)
-    for study in filter(None, (case.study, case.twin)):
-        if linear != "auto":
-            study.setdefault("solver", {})["linear"] = linear
-        if n is not None:
-            study["penalty"] = {"n": n}
+    if linear != "auto":
+        case.study.setdefault("solver", {})["linear"] = linear
+    if n is not None:
+        case.study["penalty"] = {"n": n}
     if n is not None and math.isfinite(n):
         # A penalty lets sticking points slip a little, too.
         case = dataclasses.replace(case, truth=dataclasses.replace(case.truth, slip=None))

@@ -143,11 +143,10 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
     truth, judge, moment = case.truth, seen.judge, seen.moments[-1]
     outcome.notes = {name: float(f"{value:.3g}") for name, value in seen.found.items()}
     wrong = [seen.complaint, comparisons.about_other_solutions(truth, seen.last)]
-    if case.twin is None:
-        wrong += comparisons.against_truth(truth, judge, moment)
-        wrong.append(comparisons.exported(seen.last, moment))
-        wrong.append(comparisons.slip_of_truth(truth, judge, moment))
-        wrong.append(comparisons.another(truth, judge, moment))
+    wrong += comparisons.against_truth(truth, judge, moment)
+    wrong.append(comparisons.exported(seen.last, moment))
+    wrong.append(comparisons.slip_of_truth(truth, judge, moment))
+    wrong.append(comparisons.another(truth, judge, moment))
     if checks and not any(wrong) and not case.row:
         wrong += _compared(case, seen, outcome)
     complaints = "; ".join(text for text in wrong if text)
@@ -155,38 +154,29 @@ def _solve(case: Case, outcome: Outcome, checks: bool) -> None:
 
 
 def _compared(case: Case, seen: _Seen, outcome: Outcome) -> list[str]:
-    """What the conic solver and other units say of a solution; "" if nothing."""
-    study, judge, moment = outcome.study, seen.judge, seen.moments[-1]
-    random = np.random.default_rng(outcome.seed)
-    if case.twin is not None:
-        problem = assemble(Parameters.model_validate(case.twin), MPI.COMM_SELF)
-        twin = _Seen(case.truth, case.twin, problem)
-        young = study["material"]["elasticity"]["young"]
-        power = 2 + bool(study["mesh"].get("axisymmetric"))
-        scale = young * (judge.extent / twin.judge.extent) ** power
-        return [comparisons.unlike_twin(seen.moments, twin.moments, scale)]
-    if any(contact.is_free for contact in judge.contacts):
-        turned = Transform.fitting(random, study)
-        domain = turned.moved(seen.last.domain)
-        given = turned.study(study)
+    """What the conic solver and other units say of a solution; "" if nothing.
+
+    The mesh is moved, so that this comes last.
+    """
+    study, judge, wrong = outcome.study, seen.judge, [""]
+    moves = "steps" in study or any(contact.is_free for contact in judge.contacts)
+    if not moves:
+        try:
+            wrong.append(comparisons.against_reference(judge, seen.moments[-1]))
+        except reference.NoReference as error:
+            outcome.notes["reference"] = str(error)
+    if moves or comparisons.is_unique(seen.last.parameters):
+        random = np.random.default_rng(outcome.seed)
+        transform = Transform.random(random, study, case.truth.homogeneous)
+        domain, given = transform.moved(seen.last.domain), transform.study(study)
         problem = assemble(Parameters.model_validate(given), MPI.COMM_SELF, domain)
-        other = _Seen(case.truth, given, problem)
+        other = _Seen(Truth(), given, problem)
         if not other.last.converged:
-            return [f"{turned} is not solved: {other.last.summary['reason']}"]
-        apart = comparisons.unlike_turned(turned, study, seen.moments, other.moments)
-        return [other.complaint, apart]
-    wrong = []
-    try:
-        wrong.append(comparisons.against_reference(judge, moment))
-    except reference.NoReference as error:
-        outcome.notes["reference"] = str(error)
-    if comparisons.is_unique(seen.last.parameters):
-        transform = Transform.random(random, judge.mesh.dim, case.truth.homogeneous)
-        told, difference = comparisons.against_transformed(
-            transform, study, seen.last.domain, judge, moment
+            return [f"{transform} is not solved: {other.last.summary['reason']}"]
+        told, outcome.notes["transformed"] = comparisons.against_transformed(
+            transform, judge, seen.moments, other.moments
         )
-        wrong.append(told)
-        outcome.notes["transformed"] = difference
+        wrong += [told, other.complaint if moves else ""]
     return wrong
 
 
@@ -202,7 +192,7 @@ def _judge_unsolved(case: Case, seen: _Seen, outcome: Outcome) -> None:
         outcome.kind = CLAIM if any(words in told for words in _CLAIMS) else NOT_SOLVED
     elif told.startswith("infeasible"):
         outcome.kind = INFEASIBLE
-        if case.twin is None:
+        if "steps" not in study:
             _judge_infeasible(case.truth, judge, outcome)
     elif any(words in told for words in (*case.truth.messages, _MISSED)):
         outcome.kind = REFUSED
@@ -210,7 +200,7 @@ def _judge_unsolved(case: Case, seen: _Seen, outcome: Outcome) -> None:
         is_right = cannot_balance(judge, times[-1])
         outcome.kind = REFUSED if is_right else NOT_SOLVED
     elif _GROWS in told:
-        is_right = case.twin is not None or balances_itself(study, seen.last)
+        is_right = "steps" in study or balances_itself(study, seen.last)
         outcome.kind = WEDGED if is_right else NOT_SOLVED
 
 

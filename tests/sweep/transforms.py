@@ -28,7 +28,7 @@ _COORDINATE = re.compile(r"\b[xyzs]\b")
 
 @dataclass(frozen=True)
 class Transform:
-    """Q by its ``rows``; where rollers are turned, each row has one entry 1 or -1."""
+    """Q by its ``rows``, each of which has one entry, 1 or -1."""
 
     rows: tuple[tuple[float, ...], ...]
     length: float = 1.0
@@ -36,28 +36,16 @@ class Transform:
     load: float = 1.0
 
     @classmethod
-    def of(cls, Q: FloatArray, length: float = 1.0, stress: float = 1.0) -> Transform:
-        return cls(tuple(tuple(float(q) for q in row) for row in Q), length, stress)
-
-    @classmethod
-    def random(cls, random: np.random.Generator, dim: int, homogeneous: bool) -> Transform:
-        """A random symmetry of a cube, with loads down to 1e-30 if the solution is homogeneous."""
+    def random(cls, random: np.random.Generator, study: Study, homogeneous: bool) -> Transform:
+        """Other units and a symmetry of a cube, and small loads if the solution is homogeneous."""
+        mesh = study["mesh"]
+        dim = mesh.get("dim") or (3 if mesh["builder"] == "ball" else 2)
         Q = np.eye(dim)[random.permutation(dim)] * random.choice([-1.0, 1.0], dim)[:, None]
-        transform = cls.of(Q, 10.0 ** random.uniform(-3.0, 3.0), 10.0 ** random.uniform(-6.0, 9.0))
-        load = 10.0 ** random.uniform(-30.0, 0.0) if homogeneous else 1.0
-        return replace(transform, load=load)
-
-    @classmethod
-    def fitting(cls, random: np.random.Generator, study: Study) -> Transform:
-        """Other units, and a random orthogonal Q that keeps rollers along axes."""
-        dim = study["mesh"].get("dim") or (3 if study["mesh"]["builder"] == "ball" else 2)
-        found = cls.random(random, dim, homogeneous=False)
-        if study["mesh"].get("axisymmetric"):
-            return cls.of(np.eye(2), found.length, found.stress)
-        if any(None in item["value"] for item in study["loads"].get("displacements", [])):
-            return found
-        Q = np.linalg.qr(random.standard_normal((dim, dim)))[0]
-        return cls.of(Q, found.length, found.stress)
+        if mesh.get("axisymmetric"):
+            Q = np.eye(dim)
+        rows = tuple(tuple(float(q) for q in row) for row in Q)
+        sizes = 10.0 ** random.uniform([-3.0, -6.0, -30.0], [3.0, 9.0, 0.0])
+        return cls(rows, *map(float, sizes[: 2 + homogeneous]))
 
     @property
     def matrix(self) -> FloatArray:
@@ -100,6 +88,10 @@ class Transform:
             spring["stiffness"] *= self.stress / self.length
             if isinstance(spring.get("along"), list):
                 spring["along"] = (self.matrix @ np.array(spring["along"])).tolist()
+        for support in loads.get("supports", []):
+            if isinstance(support["along"], list):
+                support["along"] = (self.matrix @ np.array(support["along"])).tolist()
+            support["value"] = self._value(support.get("value", 0.0), self.length)
         force = self.load * self.stress
         if "body_force" in loads:
             loads["body_force"] = self._vector(loads["body_force"], force / self.length)
@@ -146,21 +138,13 @@ class Transform:
             for key in {"young", "lambda", "mu"} & set(given):
                 given[key] = self._value(given[key], self.stress)
 
-    def _vector(self, values: list[Value], factor: float) -> list[Value]:
-        return [self._sum(row, values, factor) for row in self.rows]
-
-    def _sum(self, row: tuple[float, ...], values: list[Value], factor: float) -> Value:
-        """A component of ``factor Q v``; null where the only component it is made of is."""
-        parts = [(q, v) for q, v in zip(row, values, strict=True) if q]
-        if len(parts) == 1:
-            ((q, value),) = parts
-            turned: Value = self._value(value, q * factor)
-            return turned
-        if any(v is None for _, v in parts):
-            raise ValueError("a roller has no such direction")
-        if any(isinstance(v, str) for _, v in parts):
-            return " + ".join(f"({self._value(v, q * factor)})" for q, v in parts)
-        return factor * float(sum(q * float(v or 0.0) for q, v in parts))
+    def _vector(self, values: list[Value], factor: float) -> list[Any]:
+        """``factor Q v``; a component that is null stays so."""
+        places = np.abs(self.matrix).argmax(axis=1)
+        return [
+            self._value(values[k], row[k] * factor)
+            for k, row in zip(places, self.rows, strict=True)
+        ]
 
     def _value(self, value: Value, factor: float) -> Any:
         """A number or an expression times a factor, its coordinates those of the problem."""

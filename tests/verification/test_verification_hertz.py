@@ -11,7 +11,7 @@ import pytest
 from boxes import write_lattice
 from problems import solved, with_changes
 from scipy import optimize
-from verification_table import Row
+from verification_table import Rows
 
 pytestmark = pytest.mark.serial
 
@@ -99,15 +99,15 @@ def indented_by(file: Path, degree: int = 1) -> tuple[float, float, float]:
     )
 
 
-def record(found: list[Row], where: str, values: tuple[float, float, float]) -> None:
+def record(found: Rows, where: str, values: tuple[float, float, float]) -> None:
     for name, value, exact in zip(
         ("force", "half-width", "peak pressure"), values, (FORCE, HALF_WIDTH, PEAK), strict=True
     ):
-        found.append(Row("V4", where, name, value, exact))
+        found.add("V4", where, name, value, exact)
 
 
 def test_v4_the_unit_block_is_somewhat_stiffer_than_a_half_space(
-    tmp_path: Path, found: list[Row]
+    tmp_path: Path, found: Rows
 ) -> None:
     values = indented(tmp_path, 1.0, 0.2, 0.016)
     record(found, "indented unit block", values)
@@ -119,7 +119,7 @@ def test_v4_the_unit_block_is_somewhat_stiffer_than_a_half_space(
 
 
 @pytest.mark.slow
-def test_v4_hexahedra_that_grow_away_from_the_indenter(tmp_path: Path, found: list[Row]) -> None:
+def test_v4_hexahedra_that_grow_away_from_the_indenter(tmp_path: Path, found: Rows) -> None:
     """A block of 20 half-widths with 4913 nodes; five facets are as long as the half-width."""
     lattice(tmp_path / "quarter.xdmf", 2.0, 0.02, 16)
     force, half_width, peak = indented_by(tmp_path / "quarter.xdmf")
@@ -130,7 +130,7 @@ def test_v4_hexahedra_that_grow_away_from_the_indenter(tmp_path: Path, found: li
 
 
 @pytest.mark.slow
-def test_v4_a_larger_block_is_nearer_to_the_half_space(tmp_path: Path, found: list[Row]) -> None:
+def test_v4_a_larger_block_is_nearer_to_the_half_space(tmp_path: Path, found: Rows) -> None:
     values = indented(tmp_path, 4.0, 0.5, 0.008)
     record(found, "indented block of size 4", values)
     for value, exact in zip(values, (FORCE, HALF_WIDTH, PEAK), strict=True):

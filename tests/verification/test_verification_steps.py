@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from problems import with_changes
-from verification_table import Row
+from verification_table import Rows
 
 from contact_locking import FrictionLaw, assemble, solve_steps
 from contact_locking.arrays import FloatArray
@@ -47,7 +47,7 @@ def on_a_cylinder(shift: str, times: list[float]) -> list[StudySolution]:
     return solutions
 
 
-def test_v20_partial_slip_of_cattaneo_and_mindlin(found: list[Row]) -> None:
+def test_v20_partial_slip_of_cattaneo_and_mindlin(found: Rows) -> None:
     """The stick zone has half-width ``c = a sqrt(1 - Q/(mu P))`` (Johnson, Contact Mechanics, 7.2).
 
     ``q(x) = mu p_0 (sqrt(1 - x^2/a^2) - (c/a) sqrt(1 - x^2/c^2))`` is the traction.  P, Q and the
@@ -70,12 +70,9 @@ def test_v20_partial_slip_of_cattaneo_and_mindlin(found: list[Row]) -> None:
         error = np.abs(points.traction[:, 0]) - exact
         distance = math.sqrt(np.sum(weights * error**2) / np.sum(weights * exact**2))
         problem = f"Cattaneo-Mindlin, 2D, Q = {share:.2f} mu P"
-        found += [
-            Row("V20", problem, "stick half-width over a", stick / a, c / a),
-            Row("V20", problem, "traction, relative L2 error", distance, None),
-        ]
+        found.add("V20", problem, "stick half-width over a", stick / a, c / a)
+        found.add("V20", problem, "traction, relative L2 error", distance, None, abs=0.1)
         assert stick == pytest.approx(c, abs=H + 0.01 * a), number
-        assert distance < 0.1
         assert 0.15 < share < 0.9
 
 
@@ -94,7 +91,7 @@ def loss(share: float) -> float:
 
 
 @pytest.mark.slow
-def test_v21_the_loop_of_cyclic_slip(found: list[Row]) -> None:
+def test_v21_the_loop_of_cyclic_slip(found: Rows) -> None:
     """The second cycle repeats the first, and loses what Mindlin and Deresiewicz say."""
     # A triangular wave of period 4 that begins at t = 1 and is 1 at t = 2.
     wave = "(asin(sin(pi/2*max(t - 1, 0)))*2/pi)"
@@ -109,14 +106,10 @@ def test_v21_the_loop_of_cyclic_slip(found: list[Row]) -> None:
     share = float(abs(force[ends[0]]) / press)
     exact = loss(share) * press**2 / YOUNG
     problem = f"cyclic slip, 2D, Q = {share:.2f} mu P"
-    found += [
-        Row("V21", problem, "work lost in a cycle", first, exact),
-        Row("V21", problem, "second cycle over first", second / first, 1.0),
-        Row("V21", problem, "force after a cycle", force[ends[1]], force[ends[0]]),
-    ]
-    assert first == pytest.approx(exact, rel=0.1)
+    found.add("V21", problem, "work lost in a cycle", first, exact, rel=0.1)
+    found.add("V21", problem, "second cycle over first", second / first, 1.0)
+    found.add("V21", problem, "force after a cycle", force[ends[1]], force[ends[0]], rel=1e-3)
     assert second == pytest.approx(first, rel=1e-2)
-    assert force[ends[1]] == pytest.approx(force[ends[0]], rel=1e-3)
 
 
 def creep(count: int) -> tuple[float, float]:
@@ -146,7 +139,7 @@ def creep(count: int) -> tuple[float, float]:
 @pytest.mark.parametrize(
     "count", [10, *(pytest.param(k, marks=pytest.mark.slow) for k in (30, 1000))]
 )
-def test_v22_a_pinch_that_holds_does_not_creep(count: int, found: list[Row]) -> None:
+def test_v22_a_pinch_that_holds_does_not_creep(count: int, found: Rows) -> None:
     moved, size = creep(count)
-    found.append(Row("V22", f"pinch, {count} steps", "creep over displacement", moved / size, None))
+    found.add("V22", f"pinch, {count} steps", "creep over displacement", moved / size, None)
     assert moved < 1e-6 * size

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from seal import seal
@@ -9,7 +11,9 @@ from seal import seal
 from contact_locking import InputError, solve
 from contact_locking.results.output import UnitLabels
 from contact_locking.results.table import Table
+from contact_locking.running.run import run
 from contact_locking.study_file import from_mapping
+from contact_locking.view import report
 from contact_locking.view.report.run_charts import Process, column_of, wanted_charts
 
 pytestmark = pytest.mark.serial
@@ -81,3 +85,18 @@ def test_charts_need_steps_and_their_columns_are_checked_after_the_first() -> No
     with pytest.raises(InputError) as caught:
         solve(seal(output={"charts": charts}))
     assert caught.value.key == "output.charts.1.y"
+
+
+@pytest.mark.usefixtures("unrendered")
+def test_a_run_of_two_contacts_has_their_charts(tmp_path: Path) -> None:
+    output = {
+        "picture": False,
+        "fields": False,
+        "units": {"length": "mm", "force": "N"},
+        "charts": [CURVE],
+    }
+    run(seal(output=output), tmp_path)
+    report.write(tmp_path)
+    charts = {path.stem for path in (tmp_path / "report").glob("*.svg")}
+    assert {"history-contact-force", "history-friction-force", "history-share"} <= charts
+    assert any(name.startswith("chart-0-") for name in charts)

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +17,16 @@ import numpy.typing as npt
 import pytest
 from mpi4py import MPI
 from problems import block
-from solutions import made_up, snapshot
+from solutions import made_up, of_kind, snapshot
+from tool_files import box
 
 from contact_locking import solve, solve_steps
 from contact_locking.arrays import BoolArray
 from contact_locking.errors import NoRendering
 from contact_locking.running import run as writing
-from contact_locking.view.pictures import space
+from contact_locking.view.pictures import space, style
 from contact_locking.view.pictures.gather import gather
-from contact_locking.view.pictures.style import save
+from contact_locking.view.pictures.style import drawn_tool, save
 
 Image = npt.NDArray[np.uint8]
 
@@ -183,20 +185,6 @@ def _runs(pid: int) -> bool:
 
 
 @pytest.mark.serial
-def test_without_pyvista_or_a_screen_the_reason_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as without:
-        without.setattr(importlib.util, "find_spec", lambda name: None)
-        with pytest.raises(NoRendering, match="PyVista is not installed"):
-            space.views(snapshot())
-    monkeypatch.setattr(importlib.util, "find_spec", lambda name: True)
-    monkeypatch.setattr(shutil, "which", lambda name: None)
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.setattr(space, "_PROGRAM", (sys.executable, "-c", ABORT))
-    with pytest.raises(NoRendering, match="exit code -6"):
-        space.views(snapshot())
-
-
-@pytest.mark.serial
 def test_a_tool_of_any_shape_is_drawn_where_motion_and_force_have_brought_it() -> None:
     disc = {"sphere": {"centre": [0.5, -0.52], "radius": 0.5}, "motion": [0.1, "0.01*t"]}
     pushed = {"sphere": {"centre": [0.5, 1.55], "radius": 0.5}, "force": [0.0, -0.01]}
@@ -213,3 +201,15 @@ def test_a_tool_of_any_shape_is_drawn_where_motion_and_force_have_brought_it() -
     ):
         ends = facets.reshape(-1, 2)
         assert np.linalg.norm(ends - centre, axis=1) == pytest.approx(0.5, abs=1e-4)
+
+
+@pytest.mark.serial
+def test_a_small_tool_is_drawn_as_a_whole_and_a_large_one_as_ground() -> None:
+    small, large = box([0.3, 0.3, -0.5], [0.7, 0.7, 0.0]), box([-9, -9, -1], [9, 9, 0])
+    x = np.array([[0.0, 0.0, 0.0], [1.0, 1.0, 1.0]])
+    assert len(drawn_tool(small, x)) == 12 and len(drawn_tool(large, x)) == 0
+    body = gather(of_kind(3, "locked"))
+    assert body is not None
+    (part,) = body.contact.parts()
+    assert len(style.foundation(replace(part, tools=(small,)), 1.0, 1.0)) == 12
+    assert len(style.foundation(part, 1.0, 1.0)) == 1

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from report_folder import REASON, page, quick, rows, run_folder, study_folder
 
-from contact_locking.errors import InputError
 from contact_locking.view import report
 from contact_locking.view.report.page import environment
 from contact_locking.view.report.trends import Differences
@@ -118,12 +117,5 @@ def test_a_study_without_numbers_to_plot_still_has_its_table(tmp_path: Path) -> 
 
 
 @quick
-def test_pictures_of_the_cases_are_inside_the_page(tmp_path: Path) -> None:
-    case = study_folder(tmp_path / "study") / "cases" / rows()[0]["case"]
-    run_folder(case, picture=True)
-    text = page(tmp_path / "study")
-    assert f'href="#picture-{case.name}"' in text and f'id="picture-{case.name}"' in text
-    assert text.count("data:image/png") == 1
-    (case / "picture.png").write_bytes(b"\x89PNG no more")
-    with pytest.raises(InputError, match="damaged"):
-        report.write(tmp_path / "study")
+def test_a_body_without_contact_has_a_report_too(tmp_path: Path) -> None:
+    assert "no contact boundary" in page(run_folder(tmp_path, kind="without contact"))

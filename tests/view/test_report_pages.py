@@ -9,8 +9,7 @@ from typing import Any
 
 import browser
 import pytest
-from report_folder import LARGE, TITLE, many_rows, rows, run_folder, study_folder
-from slow import slow
+from report_folder import TITLE, rows, run_folder, study_folder
 
 from contact_locking.view import report
 
@@ -28,16 +27,12 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     case = folder / "study" / "cases" / rows()[0]["case"]
     run_folder(case, picture=True)
     study_folder(folder / "study")
-    run_folder(folder / "solid", dim=3)
-    study_folder(folder / "large", many_rows(), LARGE)
     with pytest.MonkeyPatch.context() as patch:
         # The pages show the SVG files; to draw the charts once more as PNG takes as long.
         patch.setattr("matplotlib.figure.Figure.savefig", lambda *given, **options: None)
         return {
             "run": report.write(case)[-1],
-            "run in 3D": report.write(folder / "solid")[-1],
             "study": report.write(folder / "study")[-1],
-            "large study": report.write(folder / "large")[-1],
         }
 
 
@@ -47,7 +42,7 @@ def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[browser.Browser]:
         yield opened
 
 
-@pytest.mark.parametrize("name", ["run", slow("run in 3D"), "study", slow("large study")])
+@pytest.mark.parametrize("name", ["run", "study"])
 @pytest.mark.parametrize(("width", "scheme"), [(360, "light"), (1600, "dark")])
 def test_a_page_is_whole_at_any_width_and_asks_for_nothing(
     name: str, width: int, scheme: str, pages: dict[str, Path], tab: browser.Browser

@@ -16,82 +16,35 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm
+from contact_locking.problem.affine_part import affine_part
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear.border import Border
+from contact_locking.solver.linear.gmres import Follow
 from contact_locking.solver.linear.ksp import IN_BLOCKS, is_direct, stacked
-from contact_locking.solver.linear.multigrid import StiffPart
+from contact_locking.solver.linear.multigrid import CoarserSpace, StiffPart
 from contact_locking.solver.linear.tangent_solver import tangent_solver
 from contact_locking.solver.task import Task
 
-
-class RightHandSide:
-    """Nodal forces in a ``vector`` that belongs to this object, and those along motions of tools.
-
-    All ranks have the latter, (T,).
-    """
-
-    def __init__(self, system: System, vector: PETSc.Vec) -> None:
-        self._system, self.on_nodes = system, vector
-        self.on_tools: FloatArray = np.zeros(len(system.tools))
-
-    def start(self, forces: PETSc.Vec | None = None, on_tools: FloatArray | float = 0.0) -> None:
-        """Take nodal forces, or none, and forces along the motions of the tools."""
-        if forces is None:
-            self.on_nodes.set(0.0)
-        else:
-            forces.copy(self.on_nodes)
-        self.on_tools = np.zeros(len(self._system.tools)) + on_tools
-
-    def add(self, reactions: Sequence[Reaction]) -> float:
-        """Add reactions; the norm of all nodal forces, of which held ones then go; collective."""
-        self.add_all(reactions)
-        every = float(self.on_nodes.norm())
-        self._system.constraints.keep_free(self.on_nodes)
-        return every
-
-    def add_all(self, reactions: Sequence[Reaction]) -> None:
-        """Add reactions, with the forces at held dofs; collective."""
-        for reaction in reactions:
-            reaction.add_to(self.on_nodes)
-        if self._system.tools:
-            local = np.zeros_like(self.on_tools)
-            for reaction in reactions:
-                reaction.family.add_tool_forces(reaction.values, local)
-            self.on_tools = self.on_tools + self._system.comm.allreduce(local)
-
-    def scale(self, factor: float) -> None:
-        """Multiply all forces."""
-        self.on_nodes.scale(factor)
-        self.on_tools *= factor
-
-
-def energy_of(system: System, displacement: PETSc.Vec, forces: PETSc.Vec, stiffest: float) -> float:
-    """``a(u, u)/2`` of a displacement with its elastic forces; collective."""
-    energy = 0.5 * float(forces.dot(displacement))
-    # The elastic forces at a body that moves far more than it is strained are small differences,
-    # and the product multiplies their rounding by the whole motion.  The strains of its cells have
-    # far less rounding, but to integrate them takes longer.
-    rounding = ROUNDING * stiffest * float(displacement.dot(displacement))
-    return energy if energy >= rounding else system.energy()
-
-
 # The most halvings of a step along which the forces of a body are not linear.
 _HALVINGS = 40
-# An iterative solver leaves this share of the column of a travel.
-_BORDER_ACCURACY = 1e-10
+# An iterative solver leaves this share of the column of a travel, and rounding may leave this share
+# of the corner in place of a Schur complement.
+_BORDER_ACCURACY, _LEAST = 1e-10, 1e-15
 
 
 class Tangent:
     """``a(du, v)`` plus ``int D lin(du) . lin(v)`` of every family, and the forces it balances.
 
     Displacements are arrays of owned values, then the travels of the tools, which all ranks have;
-    these border the tangent.  Elastic forces are those of the displacement visited last, and those
+    forces are arrays alike.  Elastic forces are those of the displacement visited last, and those
     of the springs of tools are those of the travels at that time.
+
+    The travels q border the tangent K: ``K x + B q = r``, ``B^T x + C q = s``.  With ``K Y = B``,
+    solved once for each tangent, ``(C - B^T Y) q = s - B^T x_0`` and ``x = x_0 - Y q`` where
+    ``K x_0 = r``.  A travel without an entry on the diagonal of C is zero.
     """
 
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
@@ -127,44 +80,38 @@ class Tangent:
         self.elasticity = petsc.assemble_matrix(compiled_elastic)
         self.elasticity.assemble()
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
-        self._vectors = [self.matrix.createVecRight() for _ in range(7)]
-        self._load, self._stretched, self._unbalanced = self._vectors[:3]
-        self._step, self._answer, self._whole, self._moved = self._vectors[3:]
-        self._right = RightHandSide(system, self.matrix.createVecRight())
-        self._border = Border(len(system.tools), self.matrix.createVecRight)
-        self._sprung: FloatArray = np.zeros(len(system.tools))
-        self._unbalanced_tools: FloatArray = self._sprung
+        self._vectors = [self.matrix.createVecRight() for _ in range(5)]
+        self._step, self._answer, self._right, self._moved, self._product = self._vectors
+        self._load = self._stretched = self._unbalanced = self.nothing()
         self._linear = tangent_solver(
             self.matrix,
             system.dim,
             data.element.degree,
             task.settings,
-            # About how many times stiffer than the material locked cells can become.
-            task.target.penalty.n / self._material,
             task.monitor.linear,
-            system.coarser_spaces,
+            self._coarser_space,
         )
 
     def visit(self) -> None:
         """Evaluate the elastic forces and the energy of the system's displacement; collective."""
-        self._load.array_w[:] = self.system.load
-        self._answer.array_w[:] = self.system.u.x.array[: self._owned]
+        system, tools = self.system, self.system.tools
+        displacement = self.present()
+        displacement[self._owned :] = tools.travels
+        self._load = np.append(system.load, tools.forces)
         if self.is_linear:
-            self.elasticity.mult(self._answer, self._stretched)
-            self.energy = energy_of(self.system, self._answer, self._stretched, self._stiffest)
+            self._stretched = self.elastic_times(displacement)
+            self.energy = self._energy_of(displacement)
         else:
-            self._stretched.array_w[:] = self._body_forces()
-            self.energy = self.system.energy()
-        self.acting = float(max(self._load.norm(), self._stretched.norm()))
-        self.force_scale = self.system.rounding.raise_above(self.acting, self._tolerance)
-        self._unbalanced.waxpy(-1.0, self._load, self._stretched)
-        tools = self.system.tools
-        self._sprung = tools.stiffnesses * np.array(tools.travels)
-        self._unbalanced_tools = self._sprung - tools.forces
+            sprung = tools.stiffnesses * displacement[self._owned :]
+            self._stretched = np.append(self._body_forces(), sprung)
+            self.energy = system.energy()
+        self.acting = max(self._norm(self._load), self._norm(self._stretched))
+        self.force_scale = system.rounding.raise_above(self.acting, self._tolerance)
+        self._unbalanced = self._stretched - self._load
 
     def load_work(self) -> float:
-        """``(f, u)`` of the displacement visited last; collective."""
-        return float(self._load.dot(self._answer))
+        """``(f, u)`` of the system's displacement; collective."""
+        return self._dot(self._load, self.present())
 
     def refresh(self) -> None:
         """Set up linear solves for the present blocks of all families; collective."""
@@ -180,27 +127,27 @@ class Tangent:
 
     def residual_norms(self, reactions: Sequence[Reaction]) -> tuple[float, float]:
         """The unbalanced forces over free dofs, then those over held ones; collective."""
-        every = self._find_residual(reactions)
-        left = float(self._right.on_nodes.norm())
-        return left, math.sqrt(max(every**2 - left**2, 0.0))
+        every = self._unbalanced + self.forces(reactions)
+        free = self._free(every)
+        return self._norm(free), self._norm(every - free)
 
     def tool_residual(self, reactions: Sequence[Reaction]) -> float:
         """The largest share of its forces that an acting tool leaves unbalanced; collective."""
         tools = self.system.tools
         if not tools:
             return 0.0
-        self._find_residual(reactions)
+        unbalanced = (self._unbalanced + self.forces(reactions))[self._owned :]
         local = np.zeros(len(tools))
         for reaction in reactions:
             reaction.family.add_tool_forces(reaction.values, local, magnitudes=True)
         sizes = np.maximum(self.comm.allreduce(local), np.abs(tools.forces))
         acting = np.array([tool.acts for tool in tools]) & (sizes > 0.0)
-        return float(np.max(np.abs(self._right.on_tools)[acting] / sizes[acting], initial=0.0))
+        return float(np.max(np.abs(unbalanced)[acting] / sizes[acting], initial=0.0))
 
     @property
     def tools_rest(self) -> bool:
         """Whether no force or spring presses a tool onto the body, at the displacement visited."""
-        return not self._unbalanced_tools.any()
+        return not self._unbalanced[self._owned :].any()
 
     def solve_step(
         self, reactions: Sequence[Reaction], accuracy: float, is_rough: bool = False
@@ -210,21 +157,14 @@ class Tangent:
         An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
         starts from the step before.
         """
-        self._find_residual(reactions)
-        self._right.scale(-1.0)
-        self._linear.solve(self._right.on_nodes, self._step, accuracy * self.force_scale, is_rough)
-        return self._with_travels(self._step)
+        right = -self._unbalanced - self.forces(reactions)
+        return self._solve(right, self._step, accuracy * self.force_scale, is_rough)
 
     def step_after(
         self, step: FloatArray, reactions: Sequence[Reaction], accuracy: float
     ) -> FloatArray:
         """As :meth:`solve_step`, from rest; the forces are now those after ``step``; collective."""
-        self._step.array_w[:] = step[: self._owned]
-        self.elasticity.mult(self._step, self._stretched)
-        self._unbalanced.axpy(1.0, self._stretched)
-        self._unbalanced_tools = (
-            self._unbalanced_tools + self.system.tools.stiffnesses * step[self._owned :]
-        )
+        self._unbalanced = self._unbalanced + self.elastic_times(step)
         self._step.set(0.0)
         return self.solve_step(reactions, accuracy, is_rough=True)
 
@@ -251,20 +191,13 @@ class Tangent:
         """
 
         def add_following(x: PETSc.Vec, y: PETSc.Vec) -> None:
-            self._moved.set(0.0)
             # Contact multiplies by its stiffness the error of prescribed displacements in a solve.
             free = self.system.constraints.free_part(x.array_r)
-            for reaction in follow(self._with_tools_at_rest(free)):
-                reaction.add_to(self._moved)
-            self.system.constraints.keep_free(self._moved)
-            y.axpy(1.0, self._moved)
+            following = self._free(self.forces(follow(self._with_tools_at_rest(free))))
+            y.array_w[:] += following[: self._owned]
 
-        self._find_residual(reactions)
-        self._right.scale(-1.0)
-        residual = accuracy * self.force_scale
-        right = self._right.on_nodes
-        self._linear.solve(right, self._step, residual, follow=add_following)
-        return self._with_travels(self._step)
+        right = -self._unbalanced - self.forces(reactions)
+        return self._solve(right, self._step, accuracy * self.force_scale, False, add_following)
 
     def elastic_parts(
         self, accuracy: float, reactions: Sequence[Reaction]
@@ -273,46 +206,50 @@ class Tangent:
 
         The first balances the elastic forces of the displacement visited last.
         """
-        self._right.start(self._stretched, self._sprung)
-        moved = self._solve_for(reactions, -1.0, accuracy)
-        self._right.start(self._load, self.system.tools.forces)
-        return moved, self._solve_for([], 1.0, accuracy)
+        moved = self.answer(-self._stretched - self.forces(reactions), accuracy)
+        return moved, self.answer(self._load, accuracy)
 
     def balance(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
         """The displacement whose forces are those of the reactions; collective."""
-        self._right.start()
-        return self._solve_for(reactions, 1.0, accuracy)
+        return self.answer(self.forces(reactions), accuracy)
 
-    def answer(self, forces: FloatArray, accuracy: float) -> FloatArray:
-        """The displacement for forces on owned dofs, and along travels behind them; collective."""
-        self._right.start()
-        self._right.on_nodes.array_w[:] = forces[: self._owned]
-        self._right.on_tools = forces[self._owned :].copy()
-        return self._solve_for([], 1.0, accuracy)
+    def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
+        """The displacement that answers a change of reactions; collective."""
+        return self.answer(-self.forces(reactions), accuracy, is_rough=True)
 
-    def elastic_times(self, displacement: FloatArray) -> FloatArray:
-        """The elastic forces on owned dofs and travels for a displacement; collective."""
-        self._moved.array_w[:] = displacement[: self._owned]
-        self.elasticity.mult(self._moved, self._whole)
-        sprung = self.system.tools.stiffnesses * displacement[self._owned :]
-        return np.append(self._whole.array_r, sprung)
+    def answer(self, forces: FloatArray, accuracy: float, is_rough: bool = False) -> FloatArray:
+        """The displacement for forces on owned dofs, and along travels behind them; collective.
 
-    def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
-        """The forces of reactions on owned dofs, also held ones, and on travels; collective."""
-        self._right.start()
-        self._right.add_all(reactions)
-        return np.append(self._right.on_nodes.array_r, self._right.on_tools)
+        An iterative solver leaves the share ``accuracy`` of them.
+        """
+        self._answer.set(0.0)
+        residual = accuracy * self._norm(self._free(forces))
+        return self._solve(forces, self._answer, residual, is_rough)
 
     def left_unbalanced(self) -> float:
         """The sum of the nodal forces that the last :meth:`balance` leaves; collective."""
         self._linear.multiply(self._answer, self._moved)
-        self._moved.axpy(-1.0, self._right.on_nodes)
+        self._moved.axpy(-1.0, self._right)
         return float(self._moved.norm(PETSc.NormType.NORM_1))
 
-    def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
-        """The displacement that answers a change of reactions; collective."""
-        self._right.start()
-        return self._solve_for(reactions, -1.0, accuracy, is_rough=True)
+    def elastic_times(self, displacement: FloatArray) -> FloatArray:
+        """The elastic forces on owned dofs and travels for a displacement; collective."""
+        self._moved.array_w[:] = displacement[: self._owned]
+        self.elasticity.mult(self._moved, self._product)
+        sprung = self.system.tools.stiffnesses * displacement[self._owned :]
+        return np.append(self._product.array_r, sprung)
+
+    def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
+        """The forces of reactions on owned dofs, also held ones, and on travels; collective."""
+        self._moved.set(0.0)
+        on_tools = np.zeros(len(self.system.tools))
+        for reaction in reactions:
+            reaction.add_to(self._moved)
+            if self.system.tools:
+                reaction.family.add_tool_forces(reaction.values, on_tools)
+        if self.system.tools:
+            on_tools = self.comm.allreduce(on_tools)
+        return np.append(self._moved.array_r, on_tools)
 
     def nothing(self) -> FloatArray:
         """A displacement step of zero."""
@@ -333,9 +270,7 @@ class Tangent:
             return t
         u, owned, most = self.system.u.x, step[: self._owned], self._tolerance * self.force_scale
         start, before = u.array.copy(), self._body_forces()
-        self._moved.array_w[:] = owned
-        self.elasticity.mult(self._moved, self._whole)
-        foreseen = self._whole.array_r
+        foreseen = self.elastic_times(step)[: self._owned]
         try:
             for _ in range(_HALVINGS):
                 u.array[: self._owned] = start[: self._owned] + t * owned
@@ -371,14 +306,13 @@ class Tangent:
 
     def take_iterations(self) -> int:
         """The Krylov iterations since the last call."""
-        return self._linear.take_iterations()
+        count, self._linear.iterations = self._linear.iterations, 0
+        return count
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._linear.destroy()
-        self._border.destroy()
-        owned = [self.matrix, self.elasticity, self._near_nullspace, self._right.on_nodes]
-        for item in (*owned, *self._vectors):
+        for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
             item.destroy()
 
     def stiff_part(self) -> StiffPart:
@@ -430,50 +364,90 @@ class Tangent:
         self.system.constraints.assemble_matrix(self._form, matrix, touching)
 
     def _refresh_border(self) -> None:
-        """Solve for the response to each travel; collective."""
+        """Solve for the response to each travel, and make the Schur complement; collective."""
+        count = len(self.system.tools)
+        self._border, self._responses = np.zeros((2, count, self._owned))
         corner = np.diag(self.system.tools.stiffnesses)
-        for number, column in enumerate(self._border.columns):
+        for number in range(count):
             travel = self.nothing()
             travel[self._owned + number] = 1.0
             pressed = [family for family in self.families if family.tool == number]
             reactions = [Reaction(family, family.block(family.see(travel))) for family in pressed]
-            self._right.start()
-            self._right.add(reactions)
-            corner[:, number] += self._right.on_tools
-            self._right.on_nodes.copy(column)
-        self._border.refresh(
-            corner,
-            lambda right, answer: self._linear.solve(
-                right, answer, _BORDER_ACCURACY * float(right.norm()), is_rough=True
-            ),
-        )
+            forces = self._free(self.forces(reactions))
+            corner[:, number] += forces[self._owned :]
+            self._border[number] = forces[: self._owned]
+            self._answer.set(0.0)
+            residual = _BORDER_ACCURACY * self._norm(forces)
+            self._responses[number] = self._solve_nodes(forces, self._answer, residual, True)
+        schur = corner - self.comm.allreduce(self._border @ self._responses.T)
+        schur = 0.5 * (schur + schur.T)
+        np.fill_diagonal(schur, np.maximum(np.diag(schur), _LEAST * np.diag(corner)))
+        self._idle = np.diag(corner) == 0.0
+        schur[self._idle], schur[:, self._idle] = 0.0, 0.0
+        schur[self._idle, self._idle] = 1.0
+        self._schur = schur
 
-    def _with_travels(self, answer: PETSc.Vec) -> FloatArray:
-        """The displacement with the travels for an answer without them; collective."""
+    def _solve(
+        self,
+        forces: FloatArray,
+        start: PETSc.Vec,
+        residual: float,
+        is_rough: bool = False,
+        follow: Follow | None = None,
+    ) -> FloatArray:
+        """The displacement with the travels for forces, of which held ones do not count.
+
+        ``start``, which it replaces, is the displacement without the travels; an iterative solver
+        leaves ``residual``.
+        """
+        nodal = self._solve_nodes(forces, start, residual, is_rough, follow)
         if not self.system.tools:
-            return self.system.constraints.free_part(answer.array_r)
-        answer.copy(self._whole)
-        travels = self._border.solve(self._whole, self._right.on_tools)
-        return np.append(self.system.constraints.free_part(self._whole.array_r), travels)
+            return self.system.constraints.free_part(nodal)
+        right = forces[self._owned :] - self.comm.allreduce(self._border @ nodal)
+        right[self._idle] = 0.0
+        # Every rank takes the same step, to the last digit.
+        travels = self.comm.bcast(np.linalg.solve(self._schur, right))
+        return self._free(np.append(nodal - travels @ self._responses, travels))
+
+    def _solve_nodes(
+        self,
+        forces: FloatArray,
+        start: PETSc.Vec,
+        residual: float,
+        is_rough: bool = False,
+        follow: Follow | None = None,
+    ) -> FloatArray:
+        """The displacement of nodes whose travels are held."""
+        self._right.array_w[:] = self._free(forces)[: self._owned]
+        if self._right.norm() > 0.0 or start.norm() > 0.0:
+            self._linear.solve(self._right, start, residual, is_rough, follow)
+        return start.array_r
+
+    def _free(self, forces: FloatArray) -> FloatArray:
+        """The forces, without those on what is held."""
+        free = self.system.constraints.free_part(forces[: self._owned])
+        return np.append(free, forces[self._owned :])
+
+    def _dot(self, x: FloatArray, y: FloatArray) -> float:
+        return float(self.comm.allreduce(x[: self._owned] @ y[: self._owned]))
+
+    def _norm(self, forces: FloatArray) -> float:
+        return math.sqrt(self._dot(forces, forces))
 
     def _with_tools_at_rest(self, owned: FloatArray) -> FloatArray:
         return np.append(owned, np.zeros(len(self.system.tools)))
 
-    def _find_residual(self, reactions: Sequence[Reaction]) -> float:
-        self._right.start(self._unbalanced, self._unbalanced_tools)
-        return self._right.add(reactions)
+    def _energy_of(self, displacement: FloatArray) -> float:
+        """``a(u, u)/2`` of the displacement visited; collective."""
+        energy = 0.5 * self._dot(self._stretched, displacement)
+        # The elastic forces at a body that moves far more than it is strained are small
+        # differences, and the product multiplies their rounding by the whole motion.  The strains
+        # of its cells have far less rounding, but to integrate them takes longer.
+        rounding = ROUNDING * self._stiffest * self._dot(displacement, displacement)
+        return energy if energy >= rounding else self.system.energy()
 
-    def _solve_for(
-        self, reactions: Sequence[Reaction], sign: float, accuracy: float, is_rough: bool = False
-    ) -> FloatArray:
-        """Solve for ``sign`` times the right-hand side that there is with reactions added.
-
-        An iterative solver leaves the share ``accuracy`` of it.
-        """
-        self._right.add(reactions)
-        self._right.scale(sign)
-        size = float(self._right.on_nodes.norm())
-        self._answer.set(0.0)
-        if size > 0.0:
-            self._linear.solve(self._right.on_nodes, self._answer, accuracy * size, is_rough)
-        return self._with_travels(self._answer)
+    def _coarser_space(self) -> CoarserSpace | None:
+        """The affine displacements, for elements of degree 2; collective."""
+        if self.system.data.element.degree < 2:
+            return None
+        return CoarserSpace(*affine_part(self.system.u.function_space, self.system.constraints))

@@ -11,9 +11,6 @@ DIRECT_LIMIT = {2: 1_000_000, 3: 50_000}
 # takes longer.  With quadratic elements the projection takes several times as long as the filter;
 # beyond this limit the filter's memory would be that of the whole solve again.
 FILTER_LIMIT = {(2, 1): 1_000_000, (2, 2): 1_000_000, (3, 1): 100_000, (3, 2): 300_000}
-# Multigrid alone copes with cells that are so many times as stiff as the material, if it is allowed
-# more iterations.
-MODERATE_CONTRAST = 1e5
 # Bytes, measured with DOLFINx 0.9, OpenBLAS and CHOLMOD: of a rank with all libraries; of an
 # unknown in 2D with its factor, and in 3D without; and in 3D of the factor, which grows like a
 # power of the unknowns, and of an unknown in place of the factor beside GMRES.

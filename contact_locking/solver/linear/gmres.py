@@ -15,30 +15,38 @@ stiff along single strains, CG leaves large residuals long after the displacemen
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from types import SimpleNamespace
 from typing import Any
 
 from petsc4py import PETSc
 
+from contact_locking.errors import NotConverged
+from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.ksp import (
     FROM_ANY_START,
+    LINEAR_FAILURE,
     IterationListener,
     create_ksp,
     destroy_ksp,
-    option,
+    user_options,
 )
-from contact_locking.solver.linear.multigrid import FilteredMultigrid
+from contact_locking.solver.linear.multigrid import CoarserSpace, FilteredMultigrid, StiffPart
 
+#: Gives a matrix the values of the tangent; collective.
+Assemble = Callable[[PETSc.Mat], None]
 #: Adds the forces that follow a displacement to its second argument; collective.
 Follow = Callable[[PETSc.Vec, PETSc.Vec], None]
-#: The filtered multigrid, for PETSc a preconditioner of type python.
-OWN_PRECONDITIONER: dict[str, Any] = {"pc_type": "python"}
+
+#: The filtered multigrid is for PETSc a preconditioner of type python.
+OWN_PRECONDITIONER = "python"
 # For matrices without symmetry, too.
 _FOR_ANY_MATRIX = ("gmres", "fgmres", "lgmres", "gcr")
 _OPTIONS: dict[str, Any] = {
     "ksp_norm_type": "unpreconditioned",
     "ksp_max_it": 2000,
     **FROM_ANY_START,
-    **OWN_PRECONDITIONER,
+    "pc_type": OWN_PRECONDITIONER,
 }
 # GMRES keeps a vector of each iteration, and at its end applies the preconditioner once more.
 # Flexible GMRES keeps the preconditioned vectors, too, and needs no further application.  With a
@@ -54,118 +62,171 @@ _OF_GMRES: dict[str, Any] = {"ksp_pc_side": "right", "ksp_gmres_restart": 150}
 _FIRST = 1
 # GMRES runs so often at most, as rounding may leave more than the residual asked for.
 _CYCLES = 4
-# With a filter it runs so long at most: rounding leaves a residual where it is filtered, which
-# stops GMRES until it is filtered again.
-_LONGEST_FILTERED = 40
 # GMRES aims at this share of the residual asked for: its own estimate of the residual is a little
 # too small.
 _AIM = 0.8
 
+# How much a linear solve aims to reduce its right-hand side at least: 3e-3 saves no tangents.
+_LOOSEST = 1e-2
+# A solve that leaves more of it has failed.  Rounding may keep a small right-hand side from getting
+# smaller, and whatever is left counts in the equilibrium residual of the next iterate.
+_FAILED = 0.2
+# No linear residual gets smaller than this.
+_ROUNDING = 1e-12
+# So many iterations with one tangent, by dimension, may be taken instead of the factorisation of
+# a filter or a projection: some ten in 3D, two in 2D, for each of the six solves that it serves.
+_PATIENCE = {2: 16, 3: 60}
 
-class Contexts:
-    """What PETSc calls: the product with ``K + F``, and the preconditioner ``B`` of ``K``.
 
-    Without ``follow``, ``F`` is zero.
+class MultigridTangents:
+    """GMRES begins with multigrid alone, which is enough as long as no cell is much stiffer.
+
+    Where a tangent takes more iterations than the filter would cost, it is filtered from there on,
+    and so are all that follow.  All of it is collective.
+
+    The matrix is stored in blocks and has its near-nullspace.  ``dim`` and ``degree`` are those of
+    the elements, ``listen`` is told the number of each Krylov iteration, ``coarser`` is the coarser
+    space of multigrid, if any, and ``options`` are those of the user, which override those that
+    this has, the type of the solver included.
     """
 
-    def __init__(self, multigrid: FilteredMultigrid) -> None:
-        self._multigrid = multigrid
-        self.follow: Follow | None = None
-
-    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """``y = (K + F) x``."""
-        self._multigrid.multiply(x, y)
-        if self.follow is not None:
-            self.follow(x, y)
-
-    def apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """``z = B r``."""
-        if self.follow is None:
-            self._multigrid.apply(r, z)
-        else:
-            self._multigrid.apply_to_any(r, z)
-
-
-class Gmres:
-    """Solves with a matrix and its filtered multigrid; all of it is collective.
-
-    ``options`` of the user override those that this has, the type of the solver included, and
-    ``listen`` is told the number of each iteration.
-    """
+    direct = None
 
     def __init__(
         self,
         matrix: PETSc.Mat,
-        multigrid: FilteredMultigrid,
+        dim: int,
+        degree: int,
         options: Mapping[str, Any],
         listen: Callable[[int], None],
+        coarser: CoarserSpace | None = None,
     ) -> None:
-        comm, self._multigrid = matrix.getComm(), multigrid
-        self._contexts = Contexts(multigrid)
-        self._operator = PETSc.Mat().createPython(matrix.getSizes(), self._contexts, comm=comm)
-        self._operator.setUp()
-        wanted = option("ksp_type", {}, options)
-        self._may_choose = wanted is None
-        is_gmres = wanted in (None, _GMRES, _FLEXIBLE)
+        self._matrix, self._dim, comm = matrix, dim, matrix.getComm()
+        #: The Krylov iterations so far.
+        self.iterations = 0
+        self._has_filtered = False
+        self._follow: Follow | None = None
+        kind = user_options(options).get("ksp_type")
+        self._may_choose = kind is None
         # PETSc's own choice of a type is GMRES.
-        self._ksp = create_ksp(comm, _OPTIONS | (_OF_GMRES if is_gmres else {}), options)
+        defaults = _OPTIONS | (_OF_GMRES if kind in (None, _GMRES, _FLEXIBLE) else {})
+        with ExitStack() as made:
+            # PETSc raises for values that it does not know, and nothing may stay in its database.
+            self._multigrid = FilteredMultigrid(matrix, FILTER_LIMIT[dim, degree], coarser, options)
+            made.callback(self._multigrid.destroy)
+            self._ksp = create_ksp(comm, defaults, options)
+            made.pop_all()
+        context = SimpleNamespace(mult=self._mult, apply=self._apply)
+        self._operator = PETSc.Mat().createPython(matrix.getSizes(), context, comm=comm)
+        self._operator.setUp()
         self._ksp.setErrorIfNotConverged(False)
         self._ksp.setInitialGuessNonzero(True)
         self._ksp.setOperators(self._operator)
-        self._ksp.getPC().setPythonContext(self._contexts)
+        self._ksp.getPC().setPythonContext(context)
         self._listener = IterationListener(self._ksp, listen)
         self._left = matrix.createVecLeft()
-        #: The most iterations of a solve.
-        self.max_iterations: int = self._ksp.getTolerances()[3]
+        self._most: int = self._ksp.getTolerances()[3]
         #: Whether forces may follow: not with a user's solver for symmetric matrices.
         self.solves_following: bool = self._ksp.getType() in _FOR_ANY_MATRIX
+
+    @property
+    def filters(self) -> bool:
+        """Whether the filter or the projection takes part at present."""
+        return self._multigrid.helper is not None
+
+    def refresh(self, assemble: Assemble, split: Callable[[], StiffPart]) -> None:
+        """The tangent has new values.
+
+        ``assemble`` gives them to a matrix, which is not done where it is projected, and ``split``
+        tells which are stiff.
+        """
+        self._stiff = split()
+        projects = self._multigrid.must_project(self._stiff)
+        self._can_filter = self._multigrid.count(self._stiff.nodes) > 0
+        self._patience = _PATIENCE[self._dim]
+        filters = self._has_filtered and self._can_filter
+        if not (filters and projects):
+            assemble(self._matrix)
+        self._multigrid.refresh(self._stiff if filters else None)
+
+    def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = K x`` for an x that is zero where displacements are prescribed."""
+        self._multigrid.multiply(x, y)
 
     def solve(
         self,
         right: PETSc.Vec,
-        x: PETSc.Vec,
+        step: PETSc.Vec,
         residual: float,
-        most: int,
+        is_rough: bool = False,
         follow: Follow | None = None,
-    ) -> tuple[int, float]:
-        """Improve ``x`` to a residual, or until ``most`` iterations are taken.
+    ) -> None:
+        """Leave a residual of ``residual`` at most, starting from ``step``.
 
-        ``follow`` adds forces that follow the displacement.  Returns the iterations, and the
-        residual that is left but for rounding.
+        By multigrid alone while the patience lasts, then with the filter.  Solves that are rough,
+        and many, may leave more than others and are no reason for a filter.  ``follow`` adds forces
+        that follow the displacement.  Raises NotConverged, or PETSc's error.
         """
-        self._contexts.follow = follow
-        # Flexible GMRES for what is expensive to apply; PETSc frees the memory of the other.
-        kind = _FLEXIBLE if self._multigrid.filters else _GMRES
-        if self._may_choose and self._ksp.getType() != kind:
-            self._ksp.setType(kind)
-            self._ksp.setFromOptions()
-        count, size = 0, right.norm()
-        for _ in range(_CYCLES):
-            if follow is None:
-                self._multigrid.start(right, x)
-            left = self._residual(right, x)
-            if left <= residual or count >= most:
-                break
-            longest = most - count
-            if self._multigrid.filters_exactly:
-                longest = min(longest, _LONGEST_FILTERED)
-            if left > size and count == 0:
-                longest = min(longest, _FIRST)
-            self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
-            self._ksp.solve(right, x)
-            self._listener.raise_kept()
-            count += self._ksp.getIterationNumber()
-        else:
-            # Rounding keeps what GMRES has achieved from being seen.
-            ends_small = self._ksp.getConvergedReason() > 0
-            left = self._ksp.getResidualNorm() if ends_small else self._residual(right, x)
-        return count, left
+        self._follow = follow
+        size = right.norm() or 1.0
+        enough = min(max(residual, _ROUNDING * size), (1.0 if is_rough else _LOOSEST) * size)
+        if self._can_filter and not self.filters:
+            before = self.iterations
+            left = self._improve(right, step, enough, min(self._patience, self._most))
+            if not is_rough:
+                self._patience = max(self._patience - (self.iterations - before), 0)
+            if left <= enough:
+                return
+            self._multigrid.refresh(self._stiff)
+            self._has_filtered = True
+        left = self._improve(right, step, enough, self._most)
+        if not left <= max(enough, _FAILED * size):
+            raise NotConverged(LINEAR_FAILURE)
+
+    def _mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = (K + F) x``; called by PETSc."""
+        self._multigrid.multiply(x, y)
+        if self._follow is not None:
+            self._follow(x, y)
+
+    def _apply(self, _: PETSc.PC, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z = B r``; called by PETSc."""
+        self._multigrid.apply(r, z, vanishes=self._follow is None)
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
         destroy_ksp(self._ksp)
         self._operator.destroy()
         self._left.destroy()
+        self._multigrid.destroy()
+
+    def _improve(self, right: PETSc.Vec, x: PETSc.Vec, residual: float, most: int) -> float:
+        """Improve ``x`` to a residual, or until ``most`` iterations are taken.
+
+        Returns the residual that is left but for rounding.
+        """
+        # Flexible GMRES for what is expensive to apply; PETSc frees the memory of the other.
+        kind = _FLEXIBLE if self.filters else _GMRES
+        if self._may_choose and self._ksp.getType() != kind:
+            self._ksp.setType(kind)
+            self._ksp.setFromOptions()
+        count, size = 0, right.norm()
+        for _ in range(_CYCLES):
+            if self._follow is None:
+                self._multigrid.start(right, x)
+            left = self._residual(right, x)
+            if left <= residual or count >= most:
+                return left
+            is_first = left > size and count == 0
+            longest = _FIRST if is_first else most - count
+            self._ksp.setTolerances(rtol=0.0, atol=_AIM * residual, max_it=longest)
+            self._ksp.solve(right, x)
+            self._listener.raise_kept()
+            count += self._ksp.getIterationNumber()
+            self.iterations += self._ksp.getIterationNumber()
+        # Rounding keeps what GMRES has achieved from being seen.
+        ends_small = self._ksp.getConvergedReason() > 0
+        return self._ksp.getResidualNorm() if ends_small else self._residual(right, x)
 
     def _residual(self, right: PETSc.Vec, x: PETSc.Vec) -> float:
         self._operator.mult(x, self._left)

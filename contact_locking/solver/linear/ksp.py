@@ -14,7 +14,6 @@ from typing import Any
 from petsc4py import PETSc
 
 from contact_locking import _compat
-from contact_locking.errors import InputError
 from contact_locking.solver.linear.factorised import chosen
 
 PREFIX = "contact_locking_"
@@ -23,11 +22,11 @@ _NUMBERS = itertools.count(1)
 
 # Galerkin products on one rank, with the transpose written out, take half the time.  Matrices of
 # several ranks refuse this way, and PETSc asks for it without a prefix.
-_PRODUCTS_ON_ONE_RANK: dict[str, Any] = {"matptap_via": "rap"}
+_PRODUCTS_ON_ONE_RANK = "matptap_via", "rap"
 
 
 class UserOptions(dict[str, Any]):
-    """Options of the user, without prefix; ``used`` are the names that PETSc has asked for."""
+    """Options of the user, without prefix; ``used`` are those, in lower case, PETSc asked for."""
 
     def __init__(self, options: Mapping[str, Any] | None = None) -> None:
         super().__init__(options or {})
@@ -35,65 +34,72 @@ class UserOptions(dict[str, Any]):
 
     def unused(self) -> list[str]:
         """The options without effect, with those of the user's own database under the prefix."""
-        names = [name for name in self if name not in self.used]
+        names = [name for name in self if name.lower() not in self.used]
         for name in PETSc.Options(PREFIX).getAll():
             if name not in self and not _compat.petsc_option_used(PREFIX + name):
                 names.append(name)
         return names
 
 
-class InsertedOptions:
-    """Options for one solver in PETSc's database, until they are removed.
+def user_options(options: Mapping[str, Any], prefix: str = PREFIX) -> dict[str, Any]:
+    """What the user asks of solvers under a prefix: PETSc's database wins over ``options``."""
+    part = prefix.removeprefix(PREFIX)
+    named = {key.removeprefix(part): options[key] for key in options if key.startswith(part)}
+    return {key.lower(): value for key, value in named.items()} | PETSc.Options(prefix).getAll()
 
-    They stand under ``prefix`` of this object, which no other solver has.  To be removed only after
-    the last solve: levels of multigrid and factorisations ask for theirs when they are set up, and
-    again whenever that is repeated.  Options that the user has in the database under the prefix
-    that is given (``-contact_locking_...``) win over those of ``overrides``, and those over
+
+class InsertedOptions:
+    """Options that ``solvers`` take from PETSc's database, until they are removed; collective.
+
+    They stand under a prefix of their own, so that the solvers take no options of others.  To be
+    removed only after the last solve: levels of multigrid and factorisations ask for theirs when
+    they are set up, and again whenever that is repeated.  :func:`user_options` win over
     ``defaults``.
     """
 
     def __init__(
         self,
+        solvers: Iterable[Any],
         defaults: Mapping[str, Any],
         overrides: Mapping[str, Any] | None = None,
         prefix: str = PREFIX,
     ) -> None:
-        self.prefix, self._shared = f"solver{next(_NUMBERS)}_{prefix}", prefix
+        self._prefix, self._shared = f"solver{next(_NUMBERS)}_{prefix}", prefix
         self._user = overrides if isinstance(overrides, UserOptions) else UserOptions()
-        self._of_database = PETSc.Options(prefix).getAll()
-        self._ours = {**defaults, **of_prefix(overrides or {}, prefix), **self._of_database}
-        database = PETSc.Options(self.prefix)
+        by_user = user_options(overrides or {}, prefix)
+        if (
+            by_user.get("pc_type", "cholesky") != "cholesky"
+            and _CHOLMOD.items() <= defaults.items()
+        ):
+            # CHOLMOD has nothing but Cholesky's factorisation.
+            defaults = {**defaults, **_MUMPS}
+        self._ours, database = {**defaults, **by_user}, PETSc.Options()
         for key, value in self._ours.items():
-            database.setValue(key, value)
-        bare = _PRODUCTS_ON_ONE_RANK if PETSc.COMM_WORLD.size == 1 else {}
-        present = PETSc.Options().getAll()
-        self._bare = {name: value for name, value in bare.items() if name not in present}
-        for name, value in self._bare.items():
-            PETSc.Options().setValue(name, value)
+            database.setValue(self._prefix + key, value)
+        name, value = _PRODUCTS_ON_ONE_RANK
+        self._sets_products = PETSc.COMM_WORLD.size == 1 and not database.hasName(name)
+        if self._sets_products:
+            database.setValue(name, value)
+        try:
+            for solver in solvers:
+                solver.setOptionsPrefix(self._prefix)
+                solver.setFromOptions()
+        except PETSc.Error:
+            self.remove()
+            raise
 
     def remove(self) -> None:
         """Take them out again, and remember which were asked for; more than once does no harm."""
-        database, part = PETSc.Options(self.prefix), self._shared.removeprefix(PREFIX)
+        database, part = PETSc.Options(), self._shared.removeprefix(PREFIX)
         for key in self._ours:
-            if _compat.petsc_option_used(self.prefix + key):
-                if key in self._of_database:
-                    # To ask for it makes it used.
-                    PETSc.Options(self._shared).hasName(key)
-                self._user.used |= {name for name in self._user if name.lower() == part + key}
-            database.delValue(key)
-        for name in self._bare:
-            PETSc.Options().delValue(name)
-        self._ours, self._bare = {}, {}
-
-
-def of_prefix(options: Mapping[str, Any], prefix: str) -> dict[str, Any]:
-    """The options of the user for the solvers under a prefix, without what it adds to PREFIX."""
-    part = prefix.removeprefix(PREFIX)
-    return {
-        name.removeprefix(part).lower(): value
-        for name, value in options.items()
-        if name.startswith(part)
-    }
+            if _compat.petsc_option_used(self._prefix + key):
+                # To ask for it makes it used.
+                database.hasName(self._shared + key)
+                self._user.used.add(part + key)
+            database.delValue(self._prefix + key)
+        if self._sets_products:
+            database.delValue(_PRODUCTS_ON_ONE_RANK[0])
+        self._ours, self._sets_products = {}, False
 
 
 IN_BLOCKS, BY_ENTRY = "baij", "aij"
@@ -147,39 +153,38 @@ FROM_ANY_START: dict[str, Any] = {"ksp_divtol": 1e300}
 # By this name a KSP keeps its options.
 _OPTIONS = "inserted_options"
 
+_DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
 # On one rank CHOLMOD factorises in 60 (3D) to 80 % (2D) of MUMPS's time, after a fifth of its
 # analysis.  A matrix that is not definite is an error of the KSP; CHOLMOD's own line about it says
 # nothing to a user.  With nested dissection it factorises in 2D in 76 to 91 % of the time that its
 # own choice of minimum degree takes; in 3D both take the same time.
-_DIRECT: dict[str, Any] = {"ksp_type": "preonly", "pc_type": "cholesky"}
-_BY_CHOLMOD: dict[str, Any] = {
-    **_DIRECT,
+_CHOLMOD: dict[str, Any] = {
     "pc_factor_mat_solver_type": "cholmod",
     "pc_factor_mat_ordering_type": PETSc.Mat.OrderingType.ND,
     "mat_cholmod_print": 0,
 }
 # How MUMPS shares its work among ranks depends on their timing: by so many per cent it may need
 # more memory than it foresees.
-_BY_MUMPS: dict[str, Any] = {
-    **_DIRECT,
-    "pc_factor_mat_solver_type": "mumps",
-    "mat_mumps_icntl_14": 80,
-}
+_MUMPS: dict[str, Any] = {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl_14": 80}
 
 
 def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, Any]:
-    """PETSc options for an entry of :data:`LINEAR_SOLVERS`, or auto (by dimension and size).
-
-    Raises InputError for a name without an entry.
-    """
-    name = chosen(linear, dim, size)
-    if name not in LINEAR_SOLVERS:
-        known = ", ".join(["auto", *LINEAR_SOLVERS])
-        raise InputError(f"no linear solver {name!r}; there are: {known}", "solver.linear")
-    return LINEAR_SOLVERS[name](comm)
+    """PETSc options for direct, iterative, or auto (by dimension and size)."""
+    return direct_options(comm) if is_direct(linear, dim, size) else iterative_options()
 
 
-def iterative_options(comm: Any = None) -> dict[str, Any]:
+def is_direct(linear: str, dim: int, size: int) -> bool:
+    """Whether ``linear`` means a factorisation."""
+    return chosen(linear, dim, size) == "direct"
+
+
+def direct_options(comm: Any) -> dict[str, Any]:
+    """A Cholesky factorisation by what suits the communicator (of mpi4py or PETSc)."""
+    by_cholmod = comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod")
+    return _DIRECT | (_CHOLMOD if by_cholmod else _MUMPS)
+
+
+def iterative_options() -> dict[str, Any]:
     """CG with algebraic multigrid."""
     return {"ksp_type": "cg", "ksp_rtol": 1e-4, "ksp_max_it": 2000, **multigrid_options()}
 
@@ -199,25 +204,6 @@ def multigrid_options() -> dict[str, Any]:
     }
 
 
-def is_direct(linear: str, dim: int, size: int) -> bool:
-    """Whether ``linear`` means a factorisation."""
-    return chosen(linear, dim, size) == "direct"
-
-
-def direct_options(comm: Any) -> dict[str, Any]:
-    """A Cholesky factorisation by what suits the communicator (of mpi4py or PETSc)."""
-    by_cholmod = comm.size == 1 and PETSc.Sys.hasExternalPackage("cholmod")
-    return dict(_BY_CHOLMOD if by_cholmod else _BY_MUMPS)
-
-
-#: The linear solvers by name: PETSc options for a communicator.  The interior point method puts
-#: the filtered multigrid in the place of the iterative one.
-LINEAR_SOLVERS: dict[str, Callable[[Any], dict[str, Any]]] = {
-    "direct": direct_options,
-    "iterative": iterative_options,
-}
-
-
 def create_ksp(
     comm: Any,
     defaults: Mapping[str, Any],
@@ -230,7 +216,7 @@ def create_ksp(
     """
     ksp = PETSc.KSP().create(comm)
     ksp.setErrorIfNotConverged(True)
-    ksp.setAttr(_OPTIONS, configure([ksp], defaults, overrides, prefix))
+    ksp.setAttr(_OPTIONS, InsertedOptions([ksp], defaults, overrides, prefix))
     return ksp
 
 
@@ -275,42 +261,3 @@ def destroy_ksp(ksp: PETSc.KSP) -> None:
     if ksp:
         ksp.getAttr(_OPTIONS).remove()
         ksp.destroy()
-
-
-def configure(
-    solvers: Iterable[Any],
-    defaults: Mapping[str, Any],
-    overrides: Mapping[str, Any] | None = None,
-    prefix: str = PREFIX,
-) -> InsertedOptions:
-    """Let PETSc's objects take their options, to be removed after their last solve; collective.
-
-    Their prefix is one of their own, so that they take no options of another solver.
-    """
-    is_other = option("pc_type", defaults, overrides, prefix) != defaults.get("pc_type")
-    if is_other and defaults.items() >= _BY_CHOLMOD.items():
-        # CHOLMOD has nothing but Cholesky's factorisation.
-        others = {key: value for key, value in defaults.items() if key not in _BY_CHOLMOD}
-        defaults = others | _BY_MUMPS
-    options = InsertedOptions(defaults, overrides, prefix)
-    try:
-        for solver in solvers:
-            solver.setOptionsPrefix(options.prefix)
-            solver.setFromOptions()
-    except PETSc.Error:
-        options.remove()
-        raise
-    return options
-
-
-def option(
-    name: str,
-    defaults: Mapping[str, Any],
-    overrides: Mapping[str, Any] | None = None,
-    prefix: str = PREFIX,
-) -> Any:
-    """The value of an option that defaults and the user's options lead to, None without one."""
-    database = PETSc.Options(prefix)
-    if database.hasName(name):
-        return database.getString(name)
-    return {**defaults, **of_prefix(overrides or {}, prefix)}.get(name)

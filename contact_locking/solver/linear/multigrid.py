@@ -7,9 +7,9 @@ cycle for the matrix without their stiffness, the preconditioner is
 
     B = F + (I - F A) G (I - A F),
 
-symmetric and positive definite whatever ``G`` misses.  A residual that vanishes on the filtered
-degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve, not two.  So
-solves start from :meth:`FilteredMultigrid.start`.  A variant of doi:10.48550/arXiv.2505.18576.
+symmetric and positive definite whatever ``G`` misses (:class:`Filter`).  A residual that vanishes
+on the filtered degrees of freedom keeps doing so, and for it ``B = (I - F A) G``: one exact solve,
+not two.  A variant of doi:10.48550/arXiv.2505.18576.
 
 Where more is stiff than can be filtered, the multigrid for the matrix without the stiffness of
 points along single directions is projected instead (:class:`Projection`).
@@ -20,7 +20,7 @@ is much stiffer than others; the iterations grow like the square root of the con
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,13 +30,12 @@ from petsc4py import PETSc
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.solver.linear.ksp import (
     PREFIX,
+    InsertedOptions,
     Unblocked,
-    configure,
     create_ksp,
     destroy_ksp,
     direct_options,
     multigrid_options,
-    option,
 )
 
 _PREFIX = PREFIX + "multigrid_"
@@ -45,8 +44,6 @@ _ALGEBRAIC: dict[str, Any] = {"pc_gamg_reuse_interpolation": True}
 # Relaxation sees the matrix in blocks, Galerkin products its copy without them.
 _FINEST: dict[str, Any] = {"pc_use_amat": True}
 _COARSE = "mg_coarse_"
-_SMOOTHER_STEPS = "mg_levels_ksp_max_it"
-_WITH_LEVELS = PETSc.PC.Type.GAMG, PETSc.PC.Type.MG
 
 
 class CoarserSpace(NamedTuple):
@@ -60,8 +57,8 @@ class CoarserSpace(NamedTuple):
     near_nullspace: PETSc.NullSpace
 
 
-class Multigrid:
-    """One cycle for the values of a matrix; all of it is collective.
+class Cycle:
+    """``G``, one cycle of multigrid for the values of a matrix; all of it is collective.
 
     ``coarser`` is the space below the matrix's own, if there is one: relaxation on the finest
     level, and algebraic multigrid for the Galerkin product below.  Without it, or where the user
@@ -70,51 +67,33 @@ class Multigrid:
     """
 
     def __init__(
-        self, comm: Any, coarser: Sequence[CoarserSpace], overrides: Mapping[str, Any]
+        self, comm: Any, coarser: CoarserSpace | None, overrides: Mapping[str, Any]
     ) -> None:
         self._pc = PETSc.PC().create(comm)
-        self._coarser = list(coarser)
         self._product: PETSc.Mat | None = None
         algebraic = multigrid_options() | _ALGEBRAIC
         options = algebraic | _FINEST
-        if self._coarser:
+        if coarser is not None:
             below = {_COARSE + name: value for name, value in algebraic.items()}
             above = {name: algebraic[name] for name in algebraic if name.startswith("mg_levels_")}
             options = {"pc_type": "mg", _COARSE + "ksp_type": "preonly"} | below | above | _FINEST
-        self._more_steps = 2 * algebraic[_SMOOTHER_STEPS]
-        is_free = option(_SMOOTHER_STEPS, {}, overrides, _PREFIX) is None
-        self._options = configure([self._pc], options, overrides, _PREFIX)
-        self._may_smooth_more = is_free and self._pc.getType() in _WITH_LEVELS
-        if self._pc.getType() != PETSc.PC.Type.MG:
-            self._coarser = []
-        # The levels take the prefix that the options have by now.
-        for space in self._coarser:
+        self._options = InsertedOptions([self._pc], options, overrides, _PREFIX)
+        self._coarser = coarser if self._pc.getType() == PETSc.PC.Type.MG else None
+        if self._coarser is not None:
+            # The levels take the prefix that the options have by now.
             self._pc.setMGLevels(2)
-            self._pc.setMGInterpolation(1, space.prolongation)
+            self._pc.setMGInterpolation(1, self._coarser.prolongation)
 
     def set_up(self, matrix: PETSc.Mat, by_entry: PETSc.Mat) -> None:
         """Take the present values of a matrix in blocks and of its copy ``by_entry``."""
         self._pc.setOperators(matrix, by_entry)
-        for prolongation, near_nullspace in self._coarser:
-            if self._product is None:
-                self._product = by_entry.ptap(prolongation)
-                self._product.setNearNullSpace(near_nullspace)
-            else:
-                by_entry.ptap(prolongation, self._product)
+        if self._coarser is not None:
+            self._product = by_entry.ptap(self._coarser.prolongation, self._product)
+            self._product.setNearNullSpace(self._coarser.near_nullspace)
             # PETSc forgets it with each new value.
             self._product.setOption(PETSc.Mat.Option.SPD, True)
             self._pc.getMGCoarseSolve().setOperators(self._product)
         self._pc.setUp()
-
-    def smooth_more(self) -> None:
-        """Take twice the steps of the smoother, unless the user has chosen their number.
-
-        In the spaces above algebraic multigrid, if there are any, and else on all its levels.  To
-        be called after each set-up.
-        """
-        if self._may_smooth_more:
-            for level in range(1, self._pc.getMGLevels()):
-                self._pc.getMGSmoother(level).setTolerances(max_it=self._more_steps)
 
     def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
         """``z = G r``."""
@@ -185,7 +164,7 @@ class Projection:
             self._factor.setOperators(self._coupling)
             self._factor.setUp()
 
-    def apply(self, soft: Multigrid, r: PETSc.Vec, z: PETSc.Vec) -> None:
+    def apply(self, soft: Cycle, r: PETSc.Vec, z: PETSc.Vec, vanishes: bool) -> None:
         """``z = B r`` with ``soft`` in the place of G."""
         if self._factor is None:
             soft.apply(r, z)
@@ -204,8 +183,9 @@ class Projection:
         self._scaled.multTranspose(self._forces_change, change)
         z.axpy(-1.0, change)
 
-    def add_stiff(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """``y += C^T B C x``."""
+    def multiply(self, soft: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = A x = A_0 x + C^T B C x`` with ``soft`` for ``A_0``: A itself needs no values."""
+        soft.mult(x, y)
         self._rows.mult(x, self._right)
         self._right.array_w[:] /= self._compliance
         self._rows.multTransposeAdd(self._right, y, y)
@@ -256,10 +236,10 @@ class StiffPart(NamedTuple):
 
 
 class Filter:
-    """``F``: the exact solve on the unknowns of some nodes of a matrix in blocks; collective.
+    """``B`` with the exact solve ``F`` on the unknowns of some nodes; all of it is collective.
 
-    ``nodes`` are the local numbers of owned nodes.  Ordering, symbolic factorisation and memory
-    are those of the first values, and serve all that follow.
+    ``matrix`` is A, in blocks, and ``nodes`` are local numbers of owned nodes.  Ordering, symbolic
+    factorisation and memory are those of the first values, and serve all that follow.
     """
 
     def __init__(self, matrix: PETSc.Mat, nodes: IndexArray, overrides: Mapping[str, Any]) -> None:
@@ -273,36 +253,60 @@ class Filter:
         self._right = PETSc.Vec().create(self._comm)
         self._right.setSizes((len(self._unknowns), None))
         self._right.setUp()
-        self._left = self._right.duplicate()
+        self._exact = self._right.duplicate()
+        self._moved, self._left = matrix.createVecs()
         options = direct_options(self._comm)
         self._ksp = create_ksp(self._comm, options, overrides, PREFIX + "filter_")
 
     def serves(self, nodes: IndexArray) -> bool:
-        """Whether it takes in these nodes, and few others; collective."""
-        comm = self._comm.tompi4py()
+        """Whether it takes in these nodes, and few others."""
         missing = len(np.setdiff1d(nodes, self._nodes, assume_unique=True))
-        counts = comm.allreduce(np.array([missing, len(nodes), len(self._nodes)]))
+        local = np.array([missing, len(nodes), len(self._nodes)])
+        counts = self._comm.tompi4py().allreduce(local)
         return bool(counts[0] == 0 and counts[2] <= _WASTE * counts[1])
 
     def refresh(self) -> None:
-        """Factorise the present values of the matrix; collective."""
+        """Factorise the present values of the matrix."""
         # A matrix of several ranks in blocks refuses to take the same part into the same matrix.
         block = self._matrix.createSubMatrix(self._rows, self._rows)
         self._ksp.setOperators(self._unblocked.of(block))
         block.destroy()
         self._ksp.setUp()
 
-    def add(self, factor: float, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """``z += factor F r``; collective."""
+    def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
+        """Change ``x`` so that ``right - A x`` vanishes where filtered."""
+        self._matrix.mult(x, self._left)
+        self._left.aypx(-1.0, right)
+        self._add(1.0, self._left, x)
+
+    def apply(self, soft: Cycle, r: PETSc.Vec, z: PETSc.Vec, vanishes: bool) -> None:
+        """``z = B r`` with ``soft`` for G; ``vanishes`` says that r does where filtered."""
+        if not vanishes:
+            self._moved.set(0.0)
+            self._add(1.0, r, self._moved)
+            self._matrix.mult(self._moved, self._left)
+            self._left.aypx(-1.0, r)
+        soft.apply(r if vanishes else self._left, z)
+        self._matrix.mult(z, self._left)
+        self._add(-1.0, self._left, z)
+        if not vanishes:
+            z.axpy(1.0, self._moved)
+
+    def multiply(self, soft: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """``y = A x``."""
+        self._matrix.mult(x, y)
+
+    def _add(self, factor: float, r: PETSc.Vec, z: PETSc.Vec) -> None:
+        """``z += factor F r``."""
         self._right.array_w[:] = r.array_r[self._unknowns]
-        self._ksp.solve(self._right, self._left)
-        z.array_w[self._unknowns] += factor * self._left.array_r
+        self._ksp.solve(self._right, self._exact)
+        z.array_w[self._unknowns] += factor * self._exact.array_r
 
     def destroy(self) -> None:
-        """Free the PETSc objects; collective."""
+        """Free the PETSc objects."""
         destroy_ksp(self._ksp)
         self._unblocked.destroy()
-        for item in (self._rows, self._right, self._left):
+        for item in (self._rows, self._right, self._exact, self._moved, self._left):
             item.destroy()
 
 
@@ -311,149 +315,104 @@ class FilteredMultigrid:
 
     ``matrix`` is stored in blocks (BAIJ), in which products take half the time, and has its
     near-nullspace.  ``limit`` is the most that may be filtered; more is projected.  ``coarser`` is
-    what :class:`Multigrid` takes, and belongs to this object.  ``overrides`` are options of the
-    user.
+    what :class:`Cycle` takes, and belongs to this object.  ``overrides`` are options of the user.
     """
 
     def __init__(
         self,
         matrix: PETSc.Mat,
         limit: int,
-        coarser: Sequence[CoarserSpace] = (),
+        coarser: CoarserSpace | None = None,
         overrides: Mapping[str, Any] | None = None,
     ) -> None:
         self._matrix, self._limit, self._coarser = matrix, limit, coarser
         self._overrides = overrides or {}
         self._unblocked = Unblocked()
         self._smoothed = matrix
-        self._multigrid = Multigrid(matrix.getComm(), coarser, self._overrides)
-        self._product = matrix.createVecLeft()
+        self._cycle = Cycle(matrix.getComm(), coarser, self._overrides)
         self._soft: PETSc.Mat | None = None
-        self._filter: Filter | None = None
-        self._projection: Projection | None = None
-
-    @property
-    def filters(self) -> bool:
-        """Whether the filter or the projection takes part at present."""
-        return self._filter is not None or self._projection is not None
-
-    @property
-    def filters_exactly(self) -> bool:
-        """Whether the filter takes part at present."""
-        return self._filter is not None
+        #: What takes the stiff part out at present.
+        self.helper: Filter | Projection | None = None
 
     def count(self, nodes: IndexArray) -> int:
-        """The unknowns of owned nodes on all ranks; collective."""
+        """The unknowns of owned nodes on all ranks."""
         count: int = self._matrix.getComm().tompi4py().allreduce(len(nodes))
         return count * self._matrix.getBlockSize()
 
     def must_project(self, stiff: StiffPart) -> bool:
-        """Whether more is stiff than may be filtered; collective."""
+        """Whether more is stiff than may be filtered."""
         return self.count(stiff.nodes) > self._limit
 
-    def refresh(self, stiff: StiffPart | None = None, smooths_more: bool = False) -> None:
-        """Set up for the present values of the matrix; collective.
+    def refresh(self, stiff: StiffPart | None = None) -> None:
+        """Set up for the present values of the matrix.
 
-        Without ``stiff``, the multigrid is for the matrix to be solved with, and nothing is
-        filtered.  ``smooths_more`` lets it take more steps of its smoother.
+        Without ``stiff`` the multigrid is for the matrix to be solved with, and nothing is
+        filtered.
         """
         projects = stiff is not None and self.must_project(stiff)
         # Factors are free before multigrid takes memory for the new values.
-        self._release(keeps_filter=stiff is not None and not projects)
+        last = self.helper if stiff is not None and not projects else None
+        if stiff is None or not (isinstance(last, Filter) and last.serves(stiff.nodes)):
+            self._release()
         smoothed = self._matrix if stiff is None else self._without(stiff, projects)
         # The residuals of its finest level stay those of the first matrix that it was given.
         if smoothed is not self._smoothed:
-            self._multigrid.destroy()
+            self._cycle.destroy()
             self._smoothed = smoothed
-            self._multigrid = Multigrid(self._matrix.getComm(), self._coarser, self._overrides)
+            self._cycle = Cycle(self._matrix.getComm(), self._coarser, self._overrides)
         by_entry = self._unblocked.of(smoothed)
-        self._multigrid.set_up(smoothed, by_entry)
-        if smooths_more:
-            self._multigrid.smooth_more()
+        self._cycle.set_up(smoothed, by_entry)
         if stiff is not None and projects:
-            self._projection = Projection(*stiff.find_rows(), by_entry, self._overrides)
+            self.helper = Projection(*stiff.find_rows(), by_entry, self._overrides)
         elif stiff is not None:
-            self._filter_out(stiff)
+            if not isinstance(self.helper, Filter):
+                # Nodes that will soon be stiff are taken in if they are few.
+                nearly = stiff.find_nearly()
+                most = min(_WASTE * self.count(stiff.nodes), self._limit)
+                nodes = nearly if self.count(nearly) <= most else stiff.nodes
+                self.helper = Filter(self._matrix, nodes, self._overrides)
+            self.helper.refresh()
 
     def multiply(self, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """``y = A x`` for an x that is zero where displacements are prescribed.
-
-        Where the projection takes part the matrix needs no values.
-        """
-        if self._projection is None:
+        """``y = A x`` for an x that is zero where displacements are prescribed."""
+        if self.helper is None:
             self._matrix.mult(x, y)
-            return
-        self._smoothed.mult(x, y)
-        self._projection.add_stiff(x, y)
+        else:
+            self.helper.multiply(self._smoothed, x, y)
 
     def start(self, right: PETSc.Vec, x: PETSc.Vec) -> None:
-        """Change ``x`` so that ``right - A x`` vanishes where filtered; collective."""
-        if self._filter is not None:
-            self._matrix.mult(x, self._product)
-            self._product.aypx(-1.0, right)
-            self._filter.add(1.0, self._product, x)
+        """Change ``x`` so that ``right - A x`` vanishes where filtered."""
+        if isinstance(self.helper, Filter):
+            self.helper.start(right, x)
 
-    def apply(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """``z = B r`` for a residual that vanishes where filtered."""
-        if self._projection is not None:
-            self._projection.apply(self._multigrid, r, z)
-            return
-        self._multigrid.apply(r, z)
-        if self._filter is not None:
-            self._matrix.mult(z, self._product)
-            self._filter.add(-1.0, self._product, z)
-
-    def apply_to_any(self, r: PETSc.Vec, z: PETSc.Vec) -> None:
-        """``z = B r`` for any residual; collective."""
-        if self._filter is None:
-            self.apply(r, z)
-            return
-        exact, rest = self._matrix.createVecs()
-        self._filter.add(1.0, r, exact)
-        self._matrix.mult(exact, rest)
-        rest.aypx(-1.0, r)
-        self.apply(rest, z)
-        z.axpy(1.0, exact)
-        exact.destroy()
-        rest.destroy()
+    def apply(self, r: PETSc.Vec, z: PETSc.Vec, vanishes: bool = False) -> None:
+        """``z = B r``; ``vanishes`` says that the residual does where filtered."""
+        if self.helper is None:
+            self._cycle.apply(r, z)
+        else:
+            self.helper.apply(self._cycle, r, z, vanishes)
 
     def destroy(self) -> None:
-        """Free the PETSc objects; collective."""
+        """Free the PETSc objects."""
         self._release()
-        self._multigrid.destroy()
-        for space in self._coarser:
-            space.prolongation.destroy()
-            space.near_nullspace.destroy()
+        self._cycle.destroy()
+        if self._coarser is not None:
+            self._coarser.prolongation.destroy()
+            self._coarser.near_nullspace.destroy()
         if self._soft is not None:
             self._soft.destroy()
         self._unblocked.destroy()
-        self._product.destroy()
 
     def _without(self, stiff: StiffPart, projects: bool) -> PETSc.Mat:
-        """The matrix without the stiffness of what is filtered or projected; collective."""
+        """The matrix without the stiffness of what is filtered or projected."""
         if self._soft is None:
             self._soft = self._matrix.duplicate()
             self._soft.setNearNullSpace(self._matrix.getNearNullSpace())
         (stiff.assemble_across if projects else stiff.assemble_rest)(self._soft)
         return self._soft
 
-    def _filter_out(self, stiff: StiffPart) -> None:
-        """Factorise for the last filter, if it serves, or for a new one; collective."""
-        if self._filter is not None and not self._filter.serves(stiff.nodes):
-            self._release()
-        if self._filter is None:
-            # Nodes that will soon be stiff are taken in if they are few.
-            nearly = stiff.find_nearly()
-            most = min(_WASTE * self.count(stiff.nodes), self._limit)
-            nodes = nearly if self.count(nearly) <= most else stiff.nodes
-            self._filter = Filter(self._matrix, nodes, self._overrides)
-        self._filter.refresh()
-
-    def _release(self, keeps_filter: bool = False) -> None:
-        """Free the projection and the filter; collective."""
-        if self._projection is not None:
-            self._projection.destroy()
-            self._projection = None
-        if self._filter is not None and not keeps_filter:
-            self._filter.destroy()
-            self._filter = None
+    def _release(self) -> None:
+        """Free the projection or the filter."""
+        if self.helper is not None:
+            self.helper.destroy()
+            self.helper = None
