@@ -25,7 +25,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.theory.guaranteed.energy_bound import guaranteed_error
+from contact_locking.theory.energy_bound import guaranteed_error
 
 # The reference problem belongs to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))

@@ -11,13 +11,11 @@ TEXTS = {
     "straight sides",
     "mesh.other_elements": "its elements of other kinds are left out: {elements}",
     "mesh.empty_sets": "these sets have no facet on the boundary: {names}",
-    "mesh.thin_cells": "{cell} has nearly collapsed{more}; digits are lost where a {kind} is so "
-    "thin",
+    "mesh.thin_cells": "nearly collapsed cells, {count} of them, such as {cell}: digits are lost "
+    "where a {kind} is so thin",
     "mesh.cut": "the body is cut where nodes are double: {nodes}; unless it is meant to be, "
     "{advice}",
-    "mesh.group_off_body": "group {reason}",
-    "mesh.group_inside": "group {group!r} is boundary in part only: {inside} of its facets have "
-    "cells on both sides and are left out, such as the {at}",
+    "mesh.group_off_boundary": "{text}; they are left out",
     "data.features": "changes from {low:.3g} to {high:.3g} inside a {entity} near {place}, where "
     "the mesh sees it at few points only; {advice}",
     "smoothing.radius": "{radius:g} is not larger than the mesh size {size:.3g} on {on}, so R "

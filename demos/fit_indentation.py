@@ -17,7 +17,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from contact_locking import load
-from contact_locking.inverse.fit.session import fit
+from contact_locking.inverse.fitting import fit
 
 FILE = Path(__file__).with_suffix(".yml")
 parameters = load(FILE, sys.argv[1:]).parameters

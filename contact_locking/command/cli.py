@@ -102,16 +102,13 @@ def parser() -> argparse.ArgumentParser:
     sub = add_for_file("fit", "Fit numbers of a study file to curves; repeat it to continue.")
     sub.add_argument("-o", "--output", metavar="DIR", help="folder of the results")
     sub.add_argument("--quiet", action="store_true", help="print warnings and errors only")
-    add_plan(sub, "searches of fit.starts")
     sub = add_for_file("serve", "Answer requests of UM-Bridge for numbers of a study file.")
     sub.add_argument("--host", default="127.0.0.1", help="the address, 127.0.0.1 by default")
     sub.add_argument("--port", type=int, default=4242, help="the port, 4242 by default")
     sub = add("report", "Write an HTML page and charts of a finished run or study.")
     sub.add_argument("directory", metavar="DIR", type=Path, help="folder of the results")
     add_for_file("check", "Check a study file and list what would run, without a solve.")
-    sub = add_for_file(
-        "mesh", "Write the mesh of a study file, or of another program, as a Gmsh or XDMF file."
-    )
+    sub = add_for_file("mesh", "Write the mesh of a study file as a Gmsh file.")
     sub.add_argument("-o", "--output", metavar="FILE", type=Path, required=True)
     sub = add("schema", "Print every key with its default, unit and description.")
     sub.add_argument("--json", action="store_true", help="as JSON schema, for editors")

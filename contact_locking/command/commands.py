@@ -23,7 +23,6 @@ from contact_locking.plain_text import count, gigabytes, nearest, printable
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from contact_locking.inverse.fit.starts import Begun
     from contact_locking.monitor import Monitor
     from contact_locking.study_file import StudyFile
     from contact_locking.study_file.parameters import Parameters
@@ -115,45 +114,24 @@ def study(arguments: argparse.Namespace) -> int:
 def fit(arguments: argparse.Namespace) -> int:
     """Fit numbers of the file to its measured curves, and print what was found."""
     file = _load(arguments.file, _overrides(arguments))
-    # Before this process has MPI, as it starts those of the searches.
-    begun = _search(arguments, file)
-    parameters = file.parameters if begun is None else begun.parameters
     comm = world_with_dolfinx(arguments)
-    from contact_locking.inverse.fit import session
+    from contact_locking.inverse import fitting
 
     directory = file.parameters.output.directory
     arguments.left = lambda: (
         f"the evaluations so far are in {directory}; the same command goes on from there"
     )
     with _solving(arguments, file, comm) as (monitor, speaks):
-        estimate, solution = session.fit(parameters, directory, comm, monitor, begun)
+        estimate, solution = fitting.fit(file.parameters, directory, comm, monitor)
     for text in [*estimate["words"], *estimate["undetermined"]]:
         terminal.complain(f"warning: {text}")
     if speaks:
-        print(terminal.columns(session.rows(estimate)))
+        print(terminal.columns(fitting.rows(estimate)))
         print(f"results in {directory}")
     if estimate["converged"] and solution.converged:
         return CONVERGED
     terminal.complain(f"error: not converged: {estimate['reason']}")
     return NOT_CONVERGED
-
-
-def _search(arguments: argparse.Namespace, file: StudyFile) -> Begun | None:
-    """The best of several searches that a fit asks for, None for one search."""
-    from contact_locking.running.runner import Plan
-
-    plan = Plan(arguments.jobs, arguments.ranks)
-    section = file.parameters.fit
-    if section is None or section.starts == 1:
-        if plan != Plan():
-            raise InputError("--jobs and --ranks are for several searches: fit.starts")
-        return None
-    if terminal.world() is not None:
-        raise InputError("start several searches without mpirun: --ranks K runs each on K ranks")
-    from contact_locking.inverse.fit import starts
-
-    with _explained(file):
-        return starts.search(file.parameters, plan, terminal.say)
 
 
 def serve(arguments: argparse.Namespace) -> int:
@@ -197,8 +175,7 @@ def check(arguments: argparse.Namespace) -> int:
         output_folder.prepare(parameters.output.directory, comm)
         experiments = []
         if parameters.fit is not None:
-            from contact_locking.inverse.fit.curves import read_experiments
-            from contact_locking.inverse.fit.starts import variables_of
+            from contact_locking.inverse.model import read_experiments, variables_of
 
             experiments = read_experiments(parameters)
             variables_of(parameters)
@@ -237,54 +214,29 @@ def check(arguments: argparse.Namespace) -> int:
 
 
 def mesh(arguments: argparse.Namespace) -> int:
-    """Write the mesh of a study file as a file that is read."""
-    for warning in _written_mesh(arguments, arguments.output):
-        terminal.complain(f"warning: {warning}")
-    if terminal.is_root():
-        print(f"{arguments.output}: written")
-    return 0
-
-
-def _written_mesh(arguments: argparse.Namespace, place: Path) -> Sequence[str]:
-    """Write the mesh to ``place``, and return the warnings about it."""
-    from contact_locking.mesh.data import data_file, is_xdmf
-
-    def require_new() -> None:
-        for path in (place, *([data_file(place)] if is_xdmf(place) else [])):
-            if path.exists() or path.is_symlink():
-                raise InputError(f"{path}: there is a file already; -o FILE names another one")
-
+    """Write the mesh of a study file's builder as a Gmsh file."""
     if arguments.file.suffix.lower() == ".inp":
         raise InputError(f"a study reads a deck as it is: mesh.file: {arguments.file}")
-    study = _load(arguments.file, arguments.set)
-    if is_xdmf(place):
-        comm = world_with_dolfinx(arguments)
-        from contact_locking.mesh import xdmf
-        from contact_locking.parallel import on_root
-        from contact_locking.study import assembly
-
-        on_root(comm, require_new)
-
-        with _explained(study):
-            domain = assembly.mesh_of(study.parameters, comm)
-            xdmf.export(domain, place)
-        return [finding.at(domain.origin) for finding in domain.findings]
+    study, place = _load(arguments.file, arguments.set), arguments.output
     geometry = study.parameters.mesh.geometry
     with _explained(study):
         if geometry is None:
             raise InputError("the mesh is a file already, nothing is built", "mesh.file")
-    if terminal.is_root():
-        from contact_locking.meshes import write
+    if not terminal.is_root():
+        return 0
+    from contact_locking.meshes import write
 
-        require_new()
-        try:
-            with explained(f"cannot write {place}", place):
-                write(geometry, place, study.parameters.refined_names)
-        except ImportError as error:
-            raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
-        except (ValueError, RuntimeError) as error:
-            raise InputError(str(error)) from error
-    return ()
+    if place.exists() or place.is_symlink():
+        raise InputError(f"{place}: there is a file already; -o FILE names another one")
+    try:
+        with explained(f"cannot write {place}", place):
+            write(geometry, place, study.parameters.refined_names)
+    except ImportError as error:
+        raise ContactLockingError(f"Gmsh cannot be imported: {error}") from error
+    except (ValueError, RuntimeError) as error:
+        raise InputError(str(error)) from error
+    print(f"{place}: written")
+    return 0
 
 
 def schema(arguments: argparse.Namespace) -> int:

@@ -20,8 +20,7 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError, NotConverged
-from contact_locking.inverse.numbers import with_values
-from contact_locking.inverse.sensitivities import value_of
+from contact_locking.inverse.sensitivities import value_of, with_values
 from contact_locking.mesh.domain import Domain
 from contact_locking.running.solving import solve_steps
 from contact_locking.study.assembly import check

@@ -111,10 +111,8 @@ def check_cells(mesh: MeshData) -> list[Finding]:
     thin = share < _NEARLY_COLLAPSED
     if not thin.any():
         return []
-    cell, count = mesh.cell_words(int(np.argmax(thin))), int(thin.sum())
-    return [
-        Finding("mesh.thin_cells", cell=cell, count=count, more=and_more(count), kind=kind.name)
-    ]
+    cell = mesh.cell_words(int(np.argmax(thin)))
+    return [Finding("mesh.thin_cells", cell=cell, count=int(thin.sum()), kind=kind.name)]
 
 
 class CellFacets:
@@ -236,8 +234,7 @@ def _check_boundary(facets: CellFacets, touching: Touching) -> list[Finding]:
         )
     if not len(doubles):
         return []
-    nodes, count = _pairs_words(mesh, doubles), len(np.unique(doubles))
-    return [Finding("mesh.cut", nodes=nodes, count=count, advice=_FRAGMENT)]
+    return [Finding("mesh.cut", nodes=_pairs_words(mesh, doubles), advice=_FRAGMENT)]
 
 
 def _pairs_words(mesh: MeshData, pairs: IntArray) -> str:
@@ -315,36 +312,26 @@ def _on_boundary(facets: CellFacets) -> tuple[MeshElements, dict[str, str], list
     For the name of every other group there is the reason why it bounds nothing.
     """
     mesh, kind = facets.mesh, facets.mesh.kind
-    unusable: dict[str, str] = {}
-    findings: list[Finding] = []
+    unusable, findings = dict[str, str](), list[Finding]()
     kept = np.zeros(len(mesh.facets), dtype=bool)
-    what, lines = "edge" if kind.dim == 2 else "face", f"{kind.facet_word}s"
+    number = facets.find(mesh.facets.nodes)
+    is_outside = (number >= 0) & (facets.count[number] == 1)
     for name in mesh.facets.names:
-        rows = np.flatnonzero(mesh.facets.named(name))
-        nodes = np.sort(mesh.facets.nodes[rows], axis=1)
-        rows = rows[np.unique(keys(nodes, len(mesh.points)), return_index=True)[1]]
-        number = facets.find(mesh.facets.nodes[rows])
-        missing, inner = number < 0, facets.count[number] == 2
-        if missing.any():
-            unusable[name] = (
-                f"{name!r} does not lie on the body: {missing.sum()} of its {len(rows)} {lines} "
-                f"are no {what}s of the body's {kind.plural}, such as "
-                f"{mesh.facet_words(int(rows[np.argmax(missing)]))}; remove what dangles, or make "
-                "it part of the body's mesh (fragment)"
+        in_group = mesh.facets.named(name)
+        kept |= in_group & is_outside
+        others = np.flatnonzero(in_group & ~is_outside)
+        if len(others):
+            first = int(others[0])
+            where = "has cells on both sides" if number[first] >= 0 else "is no facet of a cell"
+            text = (
+                f"group {name!r}: {len(others)} of its {in_group.sum()} {kind.facet_word}s are not "
+                f"on the boundary of the body, such as {mesh.facet_words(first)} "
+                f"({mesh.nodes_words(mesh.facets.nodes[first])}), which {where}"
             )
-            words = {"group": name, "reason": unusable[name]}
-            findings.append(Finding("mesh.group_off_body", missing=int(missing.sum()), **words))
-        elif inner.all():
-            unusable[name] = (
-                f"{name!r} lies inside the body and is not a part of its boundary: its {lines} "
-                "have cells on both sides"
-            )
-        else:
-            kept[rows[~inner]] = True
-            if inner.any():
-                example = mesh.facets.nodes[rows[np.argmax(inner)]]
-                middle = point_words(mesh.points[example].mean(axis=0))
-                words = {"group": name, "at": f"{what} at {middle} ({mesh.nodes_words(example)})"}
-                findings.append(Finding("mesh.group_inside", inside=int(inner.sum()), **words))
+            if len(others) == in_group.sum():
+                unusable[name] = text
+            # A group inside the body alone is often an interface.
+            if len(others) < in_group.sum() or (number[others] < 0).any():
+                findings.append(Finding("mesh.group_off_boundary", text=text, count=len(others)))
     names = {name: tags for name, tags in mesh.facets.names.items() if name not in unusable}
     return replace(mesh.facets.take(kept), names=names), unusable, findings

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -77,41 +76,6 @@ class MeshData:
         return replace(
             self, points=self.points[:0], numbers=self.numbers[:0], cells=cells, facets=facets
         )
-
-    def save(self, path: Path) -> None:
-        """Write a file that `load` reads, without Python's pickle."""
-        records = [finding.record for finding in self.findings]
-        words = json.dumps([self.cells.names, self.facets.names, records]).encode()
-        arrays = {
-            f"{kind}_{name}": getattr(elements, name)
-            for kind, elements in (("cells", self.cells), ("facets", self.facets))
-            for name in ("nodes", "numbers", "groups")
-        }
-        np.savez(
-            path,
-            dim=self.dim,
-            points=self.points,
-            numbers=self.numbers,
-            words=np.frombuffer(words, dtype=np.uint8),
-            **arrays,
-        )
-
-    @staticmethod
-    def load(path: Path) -> MeshData:
-        """The mesh in a file of `save`."""
-        with np.load(path, allow_pickle=False) as file:
-            *names, records = json.loads(file["words"].tobytes())
-            cells, facets = (
-                MeshElements(
-                    file[f"{k}_nodes"],
-                    file[f"{k}_numbers"],
-                    file[f"{k}_groups"],
-                    {name: tuple(values) for name, values in named.items()},
-                )
-                for k, named in zip(("cells", "facets"), names, strict=True)
-            )
-            dim, points, numbers = int(file["dim"]), file["points"], file["numbers"]
-            return MeshData(dim, points, numbers, cells, facets, tuple(map(Finding.of, records)))
 
     def node_words(self, index: int) -> str:
         """A node by its number, with its coordinates."""

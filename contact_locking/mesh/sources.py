@@ -65,6 +65,9 @@ def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domai
 
 # What the mesh of a body knows beside its cells, as fields of `Domain`.
 _FACTS = ("part_names", "unusable", "findings", "origin", "smoothing_radii")
+_ARRAYS = [
+    (kind, array) for kind in ("cells", "facets") for array in ("nodes", "numbers", "groups")
+]
 
 
 @dataclass(frozen=True)
@@ -79,21 +82,34 @@ class WholeMesh:
     parts: IntArray
     facts: Mapping[str, Any]
 
-    def save(self, folder: Path, stem: str) -> None:
-        """Write ``STEM.npz`` and ``STEM.json``."""
-        self.data.save(folder / f"{stem}.npz")
+    def save(self, path: Path) -> None:
+        """Write a file that `load` reads, without Python's pickle."""
+        data = self.data
+        elements = {"cells": data.cells, "facets": data.facets}
+        names = {kind: of_kind.names for kind, of_kind in elements.items()}
         facts = {**self.facts, "findings": [x.record for x in self.facts["findings"]]}
-        text = json.dumps({"parts": self.parts.tolist(), "facts": facts})
-        (folder / f"{stem}.json").write_text(f"{text}\n", encoding="utf-8")
+        words = json.dumps({"dim": data.dim, "names": names, "facts": facts}).encode()
+        arrays = {f"{kind}.{array}": vars(elements[kind])[array] for kind, array in _ARRAYS}
+        arrays |= {"points": data.points, "numbers": data.numbers, "parts": self.parts}
+        np.savez(path, words=np.frombuffer(words, dtype=np.uint8), **arrays)
 
     @classmethod
-    def load(cls, folder: Path, stem: str) -> WholeMesh:
-        """The mesh in the files of `save`."""
-        words = json.loads((folder / f"{stem}.json").read_text(encoding="utf-8"))
-        facts, parts = words["facts"], np.array(words["parts"], dtype=np.int64)
-        facts["part_names"] = tuple(facts["part_names"])
-        facts["findings"] = tuple(map(Finding.of, facts["findings"]))
-        return cls(MeshData.load(folder / f"{stem}.npz"), parts, facts)
+    def load(cls, path: Path) -> WholeMesh:
+        """The mesh in a file of `save`."""
+        with np.load(path, allow_pickle=False) as file:
+            words = json.loads(file["words"].tobytes())
+            cells, facets = (
+                MeshElements(
+                    file[f"{kind}.nodes"],
+                    file[f"{kind}.numbers"],
+                    file[f"{kind}.groups"],
+                    {name: tuple(tags) for name, tags in words["names"][kind].items()},
+                )
+                for kind in ("cells", "facets")
+            )
+            data = MeshData(words["dim"], file["points"], file["numbers"], cells, facets)
+            findings = {"findings": tuple(map(Finding.of, words["facts"]["findings"]))}
+            return cls(data, file["parts"], words["facts"] | findings)
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:

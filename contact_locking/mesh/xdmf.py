@@ -12,8 +12,6 @@ from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
-from dolfinx import io
-from dolfinx import mesh as dmesh
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
@@ -27,7 +25,6 @@ from contact_locking.mesh.data import (
     flat_points,
     named_elements,
 )
-from contact_locking.mesh.domain import Domain
 
 _KINDS = {"polyline": INTERVAL, **NAMED}
 
@@ -174,37 +171,3 @@ def _regions(body: Grid, groups: Sequence[tuple[str, IntArray]]) -> MeshElements
     if not names:
         region, names = np.ones_like(region), {body.name: (1,)}
     return MeshElements(body.nodes, np.arange(count), region, names)
-
-
-_MESH = "mesh"
-# These characters end names in XML, in XPath or in HDF5.
-_FORBIDDEN = frozenset("/'\"<>&")
-
-
-def export(domain: Domain, path: Path) -> None:
-    """Write a mesh and its groups as a file that `from_xdmf` reads, with its data; collective.
-
-    The files are ``path`` and the file beside it with the ending .h5.  Raises InputError for the
-    name of a group that XDMF files cannot have, and for files that cannot be written.
-    """
-    names = [_MESH, *domain.cell_names, *domain.facet_names]
-    for name in names:
-        if names.count(name) > 1 or _FORBIDDEN & set(name) or name in (".", ".."):
-            raise InputError(f"a group named {name!r} cannot be written to an XDMF file")
-    mesh = domain.mesh
-    mesh.name = _MESH
-    groups = [
-        *((domain.dim, name, domain.cells(name)) for name in domain.cell_names),
-        *((domain.dim - 1, name, domain.facets((name,))) for name in domain.facet_names),
-    ]
-    try:
-        with io.XDMFFile(domain.comm, path, "w") as file:
-            file.write_mesh(mesh)
-            for number, (dim, name, entities) in enumerate(groups, start=1):
-                group = dmesh.meshtags(
-                    mesh, dim, entities, np.full(len(entities), number, dtype=np.int32)
-                )
-                group.name = name
-                file.write_meshtags(group, mesh.geometry)
-    except RuntimeError as error:
-        raise InputError(f"cannot write {path}: {error}") from error

@@ -52,7 +52,7 @@ from contact_locking.solver.task import (
 
 # A change of the written files raises this number.
 FORMAT = 9
-_STATE, _MESH = "state.npz", "mesh"
+_STATE, _MESH = "state.npz", "mesh.npz"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 # The coordinates of the same mesh may differ by this share of the extent, because another machine
 # may have made the mesh.
@@ -190,7 +190,7 @@ def gathered(solution: Solution) -> Callable[[Path], None]:
     def write(folder: Path) -> None:
         folder.mkdir()
         if mesh is not None:
-            mesh.save(folder, _MESH)
+            mesh.save(folder / _MESH)
         text = json.dumps(about, default=lambda number: number.item())
         whole: Any = {name: values for name, values in arrays.items() if values is not None}
         np.savez(folder / _STATE, about=text, **whole)
@@ -254,7 +254,7 @@ def refined_mesh(directory: str | Path | None, comm: MPI.Intracomm) -> Domain | 
     def load() -> bool:
         last = SavedSteps(Path(directory)).folders[-1]
         if _load(last)[0]["is_refined"]:
-            meshes.append(WholeMesh.load(locate(last), _MESH))
+            meshes.append(WholeMesh.load(locate(last) / _MESH))
         return bool(meshes)
 
     return spread(next(iter(meshes), None), comm) if on_root(comm, load) else None

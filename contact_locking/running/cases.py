@@ -20,7 +20,7 @@ from contact_locking._version import __version__
 from contact_locking.errors import InputError
 from contact_locking.files.atomic import remove_abandoned, write_text
 from contact_locking.plain_text import spreadsheet_cell
-from contact_locking.results.folder import FIT, PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
+from contact_locking.results.folder import PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
 from contact_locking.results.in_words import weakest
 from contact_locking.results.quantities import by_name
 from contact_locking.results.table import Table
@@ -35,8 +35,7 @@ class Case:
 
     ``values`` are the values of the keys that vary, and ``label`` tells them in one line from those
     of the other cases.  ``name`` is the fingerprint of ``parameters``, and their results go to
-    ``folder``.  Rows that differ only in their title share a name.  The ``command`` solves it and
-    leaves the file ``record``.
+    ``folder``.  Rows that differ only in their title share a name.
     """
 
     values: dict[str, Any]
@@ -44,12 +43,11 @@ class Case:
     name: str
     folder: Path
     parameters: Parameters
-    command: Literal["run", "fit"] = "run"
 
     @property
     def record(self) -> Path:
         """The file of the results that is moved into its place last."""
-        return self.folder / (SUMMARY if self.command == "run" else FIT)
+        return self.folder / SUMMARY
 
 
 def cases_of(study: StudyFile) -> list[Case]:

@@ -115,7 +115,7 @@ class RunningCase:
     def __init__(self, case: Case, plan: Plan) -> None:
         begin(case)
         self.case, self._began, self._log = case, time.monotonic(), case.folder / LOG
-        program = [*plan.launcher, *plan.program, case.command, str(case.folder / PARAMETERS)]
+        program = [*plan.launcher, *plan.program, "run", str(case.folder / PARAMETERS)]
         # A killed mpirun could not end its ranks; SIGTERM makes mpirun end them.
         end = signal.SIGTERM if plan.ranks > 1 else signal.SIGKILL
         with self._log.open("wb") as stream:

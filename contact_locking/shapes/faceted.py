@@ -284,8 +284,7 @@ class TriangulatedSurface(FacetedFoundation):
     )
     spacing: tuple[Positive, Positive] | None = entry(
         None,
-        "of a height map whose rows are heights: the distances dx of its columns and dy of its "
-        "rows; null: its rows are x, y, z",
+        "of a height map: the distances dx of its columns and dy of its rows",
         "length",
     )
     scale: Positive = entry(1.0, "factor of its coordinates, such as 0.001 from mm to m", "1")

@@ -22,8 +22,6 @@ from contact_locking.mesh.data import point_words
 ENDINGS = (".csv", ".npy")
 # As many heights are two million triangles.
 _MOST = 1_000_000
-# Coordinates of one line of the grid may differ by this share of the length of the grid.
-_SAME = 1e-6
 # A binary file has a head of 80 bytes and the number of triangles, and then 50 bytes for each:
 # normal, three corners, and two bytes that nobody uses.
 _HEAD, _RECORD = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
@@ -45,13 +43,15 @@ def read_surface(
 ) -> Surface:
     """The triangles of a file, at ``scale`` times their coordinates plus ``shift``.
 
-    The file is an STL file or a height map, whose ``spacing`` `read_heights` explains.
+    The file is an STL file, or a height map with a ``spacing`` (`read_heights`).
     With ``turned`` the other side is outside.  Raises InputError for a file that cannot be read,
     and for triangles that are not the surface of a foundation (`checked`).
     """
     require_size(path)
     is_grid = path.suffix.lower() in ENDINGS
-    if is_grid:
+    if is_grid and spacing is None:
+        raise InputError(f"{path} has heights: give spacing: [dx, dy], the distances of its grid")
+    if is_grid and spacing is not None:
         points, triangles = read_heights(path, spacing)
     elif spacing is not None:
         raise InputError(f"{path} has triangles; spacing is for a height map, .csv or .npy")
@@ -155,52 +155,25 @@ def read_stl(path: Path) -> FloatArray:
     return corners
 
 
-def read_heights(path: Path, spacing: Sequence[float] | None) -> tuple[FloatArray, IntArray]:
+def read_heights(path: Path, spacing: Sequence[float]) -> tuple[FloatArray, IntArray]:
     """The corners (m, 3), and the triangles (n, 3) that run counterclockwise seen from above.
 
-    With ``spacing`` (2,) the file holds heights: row j and column i are at (i dx, j dy).  Without,
-    its rows are x, y, z at all places of a rectangular grid.  Each rectangle of the
-    grid is two triangles.  Raises InputError for a file that holds no such numbers.
+    Row j and column i of the file are the height at (i dx, j dy), with the ``spacing`` (dx, dy).
+    Each rectangle of the grid is two triangles.  Raises InputError for a file without such numbers.
     """
-    numbers = _numbers(path)
-    if numbers.size > _MOST * (1 if spacing else 3):
+    heights = _numbers(path)
+    if heights.size > _MOST:
         raise InputError(f"{path} has more than {_MOST} heights; take a coarser grid")
-    if spacing:
-        heights = numbers
-        x, y = (step * np.arange(n) for step, n in zip(spacing, numbers.T.shape, strict=True))
-    elif numbers.shape[1] != 3:
-        raise InputError(
-            f"{path} has {numbers.shape[1]} columns, not x, y, z; for a grid of heights give "
-            "spacing: [dx, dy]"
-        )
-    else:
-        (x, i), (y, j) = (_lines(numbers[:, axis]) for axis in range(2))
-        heights = np.full((len(y), len(x)), np.nan)
-        heights[j, i] = numbers[:, 2]
-        if len(numbers) != heights.size or np.isnan(heights).any():
-            raise InputError(
-                f"{path} has {len(numbers)} rows, and {len(x)} different x times {len(y)} "
-                f"different y are {heights.size}: the places do not fill a rectangular grid"
-            )
     if min(heights.shape) < 2:
         shape = " by ".join(map(str, heights.shape))
         raise InputError(f"{path} is no surface: its grid has {shape} heights")
+    x, y = (step * np.arange(n) for step, n in zip(spacing, heights.T.shape, strict=True))
     along, across = np.meshgrid(x, y)
     corners = np.column_stack([along.ravel(), across.ravel(), heights.ravel()])
     number = np.arange(heights.size).reshape(heights.shape)
     a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, 1:], number[1:, :-1]
     triangles = np.stack([a, b, c, a, c, d], axis=-1).reshape(-1, 3)
     return corners, triangles
-
-
-def _lines(values: FloatArray) -> tuple[FloatArray, IntArray]:
-    """The different values, ascending, and for each value the number of its own."""
-    order = np.argsort(values)
-    ascending = values[order]
-    steps = np.diff(ascending) > _SAME * (ascending[-1] - ascending[0])
-    number = np.empty(len(values), dtype=np.int64)
-    number[order] = np.append(0, np.cumsum(steps))
-    return ascending[np.append(True, steps)], number
 
 
 def read_corners(path: Path, most: int) -> FloatArray:

@@ -26,7 +26,7 @@ from contact_locking.theory.constants import (
     inner_product,
     require_held,
 )
-from contact_locking.theory.equilibria.search import critical_friction
+from contact_locking.theory.search import critical_friction
 
 
 def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
@@ -37,7 +37,7 @@ def proofs(state: SolvedState, lifting: Lifting, extras: Extras) -> Proofs:
     reason = ""
     if extras.error_bound:
         # With the parts of SciPy that they use, these proofs take a while to import.
-        from contact_locking.theory.guaranteed.energy_bound import guaranteed_error, limit_load
+        from contact_locking.theory.energy_bound import guaranteed_error, limit_load
 
         limit = limit_load(state)
         entries |= {} if limit is None else {"limit_load": limit}

@@ -20,8 +20,8 @@ from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.reading import assign
 from contact_locking.theory.constants import is_unique
-from contact_locking.theory.equilibria.search import NO_START, Diagram, DiagramPoint, diagram
-from contact_locking.theory.equilibria.search import equilibria as search
+from contact_locking.theory.search import NO_START, Diagram, DiagramPoint, diagram
+from contact_locking.theory.search import equilibria as search
 
 
 def equilibria(

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from pressed_square import BOTH_DEGREES, square
+from problems import BOTH_DEGREES, square
 
 from contact_locking import solve
 

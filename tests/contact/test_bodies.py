@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
@@ -102,35 +101,6 @@ def test_wrong_sides_are_refused_with_words() -> None:
     with pytest.raises(ValueError, match=r"leave out one of both"):
         half = {"half_space": {"point": [0, 0], "normal": [0, 1]}}
         stack(contact={"on": "upper_bottom", "against": "lower_top", "foundation": half})
-
-
-@pytest.mark.parametrize("on", ["rim", "pads"])
-def test_a_disc_that_comes_between_the_nodes_of_flat_pads_is_not_lost(on: str) -> None:
-    """The nodes of the pads never meet the disc: the certificate finds it inside of them."""
-    pads = ["left_pad", "right_pad"]
-    contact = {"on": "rim", "against": pads} if on == "rim" else {"on": pads, "against": "rim"}
-    study = Parameters.model_validate(
-        {
-            "mesh": {"builder": "grip", "width": 0.45, "length": 2.0, "h": 0.4},
-            "material": {"elasticity": {"young": 1.0, "poisson": 0.3}},
-            "loads": {
-                "displacements": [
-                    {"on": "left_root", "value": [0.004, 0.0]},
-                    {"on": "right_root", "value": [-0.004, 0.0]},
-                ],
-                "springs": [{"on": "rim", "stiffness": 1e-4}],
-            },
-            "contact": contact,
-            "friction": {"coefficient": 0.0},
-            "penalty": {"n": math.inf},
-        }
-    )
-    solution = solve(study)
-    apart = solution.summary["certificate"]["criteria"]["bodies_apart"]["value"]
-    if on == "rim":
-        assert solution.converged and solution.summary["pressure_max"] > 1e-5
-    else:
-        assert not solution.converged and apart == pytest.approx(0.5, abs=0.05)
 
 
 def test_meshes_of_both_bodies_are_refined_where_they_touch() -> None:

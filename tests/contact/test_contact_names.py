@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from mpi4py import MPI
-from seal import seal, two_bodies
+from problems import seal, two_bodies
 from solutions import of_kind
 
 from contact_locking import Contact, from_mapping, solve

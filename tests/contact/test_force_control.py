@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pressed_tools import HELD, NONE, UP, pressed, told, tool
-from problems import column, solved
+from problems import HELD, NONE, UP, column, pressed, solved, told, tool
 from slow import slow
 
 from contact_locking import InputError, Parameters, assemble, solve, solve_steps

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 from mpi4py import MPI
 from problems import solved
 from slow import slow
-from tool_files import binary_stl, box
 
 from contact_locking import StudySolution
 from contact_locking.errors import Misplaced
@@ -54,22 +52,6 @@ def test_an_edge_near_a_node_presses_it_down_by_the_depth_of_the_flat_side() -> 
     # The edge at the node itself.
     at_node = pressed({"polyline": square(1.0 - 1e-9, 3.0 + 1e-9)})
     assert force(near) == pytest.approx(force(at_node), rel=1e-6)
-
-
-@pytest.mark.parametrize("turn", [1, -1])
-def test_a_cube_with_an_edge_near_nodes_presses_them_down(turn: int, tmp_path: Path) -> None:
-    file = tmp_path / "cube.stl"
-    file.write_bytes(binary_stl(box([0.245, 0.245, 1.0 - DEPTH], [0.755, 0.755, 1.5])[:, ::turn]))
-    cube = pressed(
-        {"surface": str(file)},
-        mesh={"builder": "block", "dim": 3, "size": [1, 1, 1], "h": 0.25, "structured": True},
-        loads={"displacements": [{"on": "bottom", "value": [0, 0, 0]}]},
-    )
-    fields = cube.contacts[0]
-    under = fields.gap < 0.0
-    assert MPI.COMM_WORLD.allreduce(int(under.sum())) == 9
-    assert fields.gap[under] == pytest.approx(-DEPTH)
-    assert len(cube.summary["warnings"]) == (turn < 0)
 
 
 def test_a_tool_that_no_ray_along_the_normals_leaves_within_the_body_is_refused() -> None:

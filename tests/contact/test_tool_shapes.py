@@ -18,7 +18,7 @@ from contact_locking.expressions import parse
 from contact_locking.expressions.tree import value_and_gradient
 from contact_locking.shapes.faceted import Polyline, TriangulatedSurface
 from contact_locking.shapes.shape import Distance
-from contact_locking.shapes.tool_files import read_heights
+from contact_locking.shapes.tool_files import read_heights, read_surface
 
 SQUARE = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0))
 
@@ -213,18 +213,11 @@ def test_a_height_map_gives_what_the_half_space_gives(folder: Path, grid: FloatA
 
 
 @pytest.mark.serial
-def test_rows_in_any_order_are_the_grid(tmp_path: Path, grid: FloatArray) -> None:
-    rows = np.column_stack([*(a.ravel() for a in np.meshgrid(X, Y)), grid.ravel()])
-    np.random.default_rng(1).shuffle(rows)
-    file, matrix = tmp_path / "rows.csv", tmp_path / "matrix.csv"
-    np.savetxt(file, rows, delimiter=",", header="x (mm),y (mm),z (mm)", comments="")
+def test_heights_are_triangles_seen_from_above(tmp_path: Path, grid: FloatArray) -> None:
+    matrix = tmp_path / "matrix.csv"
     np.savetxt(matrix, grid, delimiter=",")
-    (points, triangles), (shifted, same) = (
-        read_heights(file, None),
-        read_heights(matrix, (X[1] - X[0], Y[1] - Y[0])),
-    )
-    assert np.allclose(points, shifted + np.array([X[0], Y[0], 0.0]))
-    assert np.array_equal(triangles, same) and len(triangles) == 2 * 15 * 10
+    points, triangles = read_heights(matrix, (X[1] - X[0], Y[1] - Y[0]))
+    assert np.allclose(points[:, 2], grid.ravel()) and len(triangles) == 2 * 15 * 10
     a, b, c = points[triangles].transpose(1, 0, 2)
     assert (np.cross(b - a, c - a)[:, 2] > 0.0).all()
 
@@ -233,9 +226,8 @@ def test_rows_in_any_order_are_the_grid(tmp_path: Path, grid: FloatArray) -> Non
 @pytest.mark.parametrize(
     ("content", "spacing", "message"),
     [
-        ("0,0,1\n1,0,1\n0,1,1\n", None, "do not fill a rectangular grid"),
-        ("0,0\n1,0\n", None, "has 2 columns, not x, y, z; for a grid of heights give spacing"),
-        ("0,0,1\n1,0,nan\n0,1,1\n1,1,1\n", None, "1 of its numbers are not finite, the first in"),
+        ("0,0\n1,0\n", None, "give spacing"),
+        ("0,0,1\n1,0,nan\n", (1.0, 1.0), "1 of its numbers are not finite, the first in"),
         ("1,2,3\n", (1.0, 1.0), "is no surface: its grid has 1 by 3 heights"),
         ("1;2;3\n4;5;6\n", (1.0, 1.0), "cannot be read as rows of numbers"),
     ],
@@ -246,7 +238,7 @@ def test_files_that_are_no_height_maps_are_refused(
     file = tmp_path / "map.csv"
     file.write_text(content, encoding="utf-8")
     with pytest.raises(InputError, match=message):
-        read_heights(file, spacing)
+        read_surface(file, spacing=spacing)
 
 
 @pytest.mark.serial

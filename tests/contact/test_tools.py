@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block
-from sheared_block import all_of
+from problems import all_of, block
 from slow import slow
 
 from contact_locking import (

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from problems import block, solved
-from rings import floor, ring
+from problems import block, floor, ring, solved
 from slow import slow
 
 from contact_locking import Parameters, solve

@@ -13,12 +13,12 @@ from mpi4py import MPI
 from msh import write_msh
 from problems import solved
 from small_meshes import EDGES, SQUARE, Points
+from xdmf import export
 
 from contact_locking import StudySolution, check, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
-from contact_locking.mesh.xdmf import export
 from contact_locking.study.assembly import mesh_of
 
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])

@@ -10,8 +10,7 @@ import pytest
 from problems import block
 
 import contact_locking as cl
-from contact_locking.inverse.numbers import number_at, with_number
-from contact_locking.inverse.sensitivities import in_rows, value_of
+from contact_locking.inverse.sensitivities import in_rows, number_at, value_of, with_number
 from contact_locking.monitor import Monitor
 from contact_locking.running.solving import solve
 from contact_locking.study_file.dump import plain

@@ -16,7 +16,7 @@ from mpi4py import MPI
 from ruamel.yaml import YAML
 
 import contact_locking as cl
-from contact_locking.inverse.numbers import with_values
+from contact_locking.inverse.sensitivities import with_values
 from contact_locking.inverse.um_bridge import Model
 
 pytestmark = pytest.mark.serial

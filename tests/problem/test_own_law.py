@@ -72,13 +72,6 @@ def test_springs_that_hold_the_body_are_in_its_balance(comm: MPI.Intracomm) -> N
     assert total == pytest.approx(pulled, abs=1e-9)
 
 
-def test_no_bound_is_claimed_for_an_own_law(comm: MPI.Intracomm) -> None:
-    summary = with_energy(comm, ball).summary
-    assert {entry["holds"] for entry in summary["bounds"].values()} == {None}
-    assert all("user's own" in entry["reason"] for entry in summary["bounds"].values())
-    assert "user's own" in summary["certificate"]["errors"]["penalty"]["reason"]
-
-
 def test_an_own_law_that_is_not_convex_does_not_converge(comm: MPI.Intracomm) -> None:
     def not_convex(problem: StudyProblem, u: fem.Function) -> Any:
         return -1e3 * squared_norm(strain(u)) * problem.data.dx

@@ -7,9 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from limits_of_strain import SEVERAL, material
 from mpi4py import MPI
-from problems import block, column
+from problems import SEVERAL, block, column, material
 from slow import slow
 from sweep.reference import of_solution
 

@@ -184,21 +184,6 @@ def agree(one: StudySolution, other: StudySolution, digits: float = 1e-8) -> boo
     return True
 
 
-@pytest.mark.serial
-@pytest.mark.parametrize("changes", [{"load": 1.01}, {"friction__coefficient": 0.33}])
-def test_a_small_change_takes_half_of_the_tangents_at_most(
-    changes: dict[str, Any], folder: Path
-) -> None:
-    # Many cells are at the edge of locking on a mesh as fine as this.
-    fine: dict[str, Any] = {"mesh__h": 1 / 32, "penalty__n": 1e4}
-    save(solving.solve(given("auto", **fine)), folder)
-    changed = given("auto", **fine, **changes)
-    restarted, cold = solving.solve(changed, restart=folder), solving.solve(changed)
-    assert restarted.summary["restart"].startswith("from the state")
-    assert agree(restarted, cold)
-    assert 2 * tangents(restarted) <= tangents(cold)
-
-
 class Run:
     """The command line on one study file in one folder."""
 

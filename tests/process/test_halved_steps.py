@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from rings import floor, ring
-from seal import seal
-from sheared_block import all_of, sheared
+from problems import all_of, floor, ring, seal, sheared
 from slow import slow
 
 from contact_locking import Parameters, solve_steps

@@ -12,7 +12,7 @@ import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from sheared_block import all_of, sheared
+from problems import all_of, sheared
 
 import contact_locking as cl
 from contact_locking.results.table import Table

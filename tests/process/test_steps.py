@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block
+from problems import all_of, block, column, sheared
 from report_folder import quick
-from sheared_block import all_of, sheared
 from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve, solve_steps, study_file
@@ -322,3 +321,12 @@ def test_a_process_does_not_go_on_from_a_static_solution(tmp_path: Path) -> None
     save(static, folder)
     with pytest.raises(InputError, match="no checkpoint of a step"):
         list(solve_steps(slid(), restart=folder))
+
+
+def test_a_step_stores_the_energy_of_the_strain_and_of_both_penalties() -> None:
+    n, epsilon, limit, pressure = 10.0, 0.01, 0.02, 0.05
+    found = all_of(column(penalty={"n": n, "epsilon": epsilon}, steps={"times": [1.0]}))[-1]
+    stiffness = 0.7 / (1.3 * 0.4)
+    beyond = (pressure - stiffness * limit) / (stiffness + 2.0 * n)
+    stored = stiffness * (limit + beyond) ** 2 + 2.0 * n * beyond**2 + 0.5 * epsilon * pressure**2
+    assert found.history.last("stored") == pytest.approx(stored, rel=1e-7)

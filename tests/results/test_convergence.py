@@ -99,12 +99,6 @@ def test_theorem_4_9_the_locking_penalty_alone_has_rate_one_on_one_mesh() -> Non
 
 
 @pytest.mark.serial
-def test_theorem_4_9_the_contact_penalty_alone_has_rate_one_on_one_mesh() -> None:
-    rate = measured_rate("epsilon", [1e-3, 1e-4, 1e-5], friction__coefficient=0.0)
-    assert rate == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.serial
 def test_theorem_4_10_the_inequality_converges_with_the_mesh_alone() -> None:
     reference = solved(96)
     divisions = [6, 12, 24]

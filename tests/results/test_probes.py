@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pressed_square import BOTH_DEGREES, square
-from problems import block
+from problems import BOTH_DEGREES, block, square
 
 from contact_locking import InputError, Parameters, solve
 from contact_locking.monitor import Monitor

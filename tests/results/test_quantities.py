@@ -10,9 +10,8 @@ import generated_reference
 import numpy as np
 import pytest
 from mpi4py import MPI
-from problems import block, column, solved, with_changes
+from problems import block, column, sheared, solved, with_changes
 from report_folder import quick
-from sheared_block import sheared
 
 from contact_locking import solve
 from contact_locking.laws.elasticity import lame_from_young

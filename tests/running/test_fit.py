@@ -16,15 +16,14 @@ from typing import Any
 import numpy as np
 import pytest
 from report_folder import quick
-from slow import slow
 
 from contact_locking import load
 from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
 from contact_locking.errors import InputError, NoDerivatives, NotConverged
-from contact_locking.inverse.fit.curves import read_experiments
-from contact_locking.inverse.fit.estimate import Residuals, Variable, estimate
-from contact_locking.inverse.fit.session import about_residuals, undetermined
+from contact_locking.inverse.estimate import Residuals, Variable, estimate
+from contact_locking.inverse.fitting import about_residuals, undetermined
+from contact_locking.inverse.model import read_experiments
 
 pytestmark = pytest.mark.serial
 
@@ -106,19 +105,16 @@ def test_a_modulus_is_fitted_to_a_line(folder: Folder) -> None:
 
 
 @quick
-@pytest.mark.parametrize("starts", [1, slow(2)])
-def test_a_fit_that_was_killed_goes_on(folder: Folder, starts: int) -> None:
-    """One search, or several as the cases of a study."""
-    folder.write(COLUMN + FIT.replace("data: c", f"starts: {starts}\n  data: c"), curve=LINE)
+def test_a_fit_that_was_killed_goes_on(folder: Folder) -> None:
+    folder.write(COLUMN + FIT, curve=LINE)
     study, results = str(folder.path / "study.yml"), folder.path / "results"
-    jobs = ["--jobs", "2"] if starts > 1 else []
     command = [sys.executable, "-m", "contact_locking", "fit", study, "--output", str(results)]
 
     def kept() -> dict[Path, float]:
         found = results.glob("**/evaluations/[0-9a-f]*.json")
         return {path: path.stat().st_mtime for path in found if "files" not in path.name}
 
-    process = subprocess.Popen([*command, *jobs])
+    process = subprocess.Popen(command)
     deadline = time.monotonic() + 120.0
     while not kept() and process.poll() is None and time.monotonic() < deadline:
         time.sleep(0.01)
@@ -126,7 +122,7 @@ def test_a_fit_that_was_killed_goes_on(folder: Folder, starts: int) -> None:
     process.wait()
     before = kept()
     assert before and not (results / "fit.json").exists()
-    assert folder.fit(*jobs) == 0
+    assert folder.fit() == 0
     assert before.items() <= kept().items()
 
 
@@ -144,30 +140,6 @@ def test_several_experiments_share_their_numbers(folder: Folder) -> None:
     assert entry["value"] == pytest.approx(2.0, rel=1e-4)
     assert [curve["file"] for curve in folder.found["curves"]] == ["high.csv", "low.csv"]
     assert (folder.path / "results/1-low/summary.json").exists()
-
-
-@quick
-def test_several_searches_are_cases_of_a_study(
-    folder: Folder, capfd: pytest.CaptureFixture[str]
-) -> None:
-    """A table of the searches, and the fit from the best of them; the command goes on from both."""
-    several = FIT.replace("data: curve.csv", "data: curve.csv\n  starts: 2")
-    folder.write(COLUMN + several, curve=LINE)
-    assert folder.fit("--jobs", "2") == 0
-    found = folder.found
-    assert [row["state"] for row in found["starts"]] == ["converged", "converged"]
-    first, second = (row["start"]["material.elasticity.young"] for row in found["starts"])
-    assert first == 2.5 and 0.1 <= second <= 100.0
-    values = [row["value"]["material.elasticity.young"] for row in found["starts"]]
-    assert values == pytest.approx([2.0, 2.0], rel=5e-3)
-    table = (folder.path / "results/starts/table.csv").read_text().splitlines()
-    assert len(table) == 3 and "parameters.material.elasticity.young.value" in table[0]
-    # The evaluations of the best search are found in its folder.
-    assert not folder.evaluations
-    capfd.readouterr()
-    assert folder.fit("--jobs", "2") == 0
-    assert "2 finished before" in capfd.readouterr().out
-    assert folder.found["starts"] == found["starts"]
 
 
 STEPS = COLUMN.replace("[0, -0.01]", '[0, "-0.03*t"]') + "steps: {to: 1, count: 3}\n"

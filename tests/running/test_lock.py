@@ -125,19 +125,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Folder:
     return Folder(tmp_path, monkeypatch)
 
 
-def test_the_second_of_two_studies_waits_for_nobody_and_harms_nothing(
-    folder: Folder, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder.write("{vary: {penalty.n: [10]}}")
-    first = folder.start(FAKE_SECONDS="3")
-    wait_for(folder.running)
-    assert cli.main(["study", str(folder.file), "--output", str(folder.output)]) == 2
-    assert f"a study, process {first.pid} on" in capsys.readouterr().err
-    assert first.wait(timeout=30) == 0
-    assert folder.started() == ["10"]
-    assert [row["state"] for row in folder.table()] == ["converged"]
-
-
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are tied to their parent on Linux")
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_a_killed_study_takes_its_cases_along_and_the_next_one_goes_on(

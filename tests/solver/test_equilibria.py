@@ -23,9 +23,9 @@ from contact_locking.solver.task import Task
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
+from contact_locking.theory.bound_map import BoundMap, Branch, OverShare
 from contact_locking.theory.constants import BY_KAPPA
-from contact_locking.theory.equilibria.bound_map import BoundMap, Branch, OverShare
-from contact_locking.theory.equilibria.search import (
+from contact_locking.theory.search import (
     Equilibria,
     equilibria,
     has_map,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from limits_of_strain import SEVERAL, material
 from mpi4py import MPI
+from problems import SEVERAL, material
 from ruamel.yaml import YAML
 
 from contact_locking.errors import InputError

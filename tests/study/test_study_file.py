@@ -10,8 +10,7 @@ import pytest
 from block_study import BLOCK
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from problems import block
-from sheared_block import all_of, sheared
+from problems import all_of, block, sheared
 
 from contact_locking import solve_steps
 from contact_locking.errors import InputError

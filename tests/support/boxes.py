@@ -4,19 +4,19 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from dolfinx import mesh as dmesh
 from mpi4py import MPI
 from msh import write_msh
 from small_meshes import Groups, Points
+from xdmf import export
 
-from contact_locking.arrays import FloatArray
+from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.mesh.parts import NamedFacets
-from contact_locking.mesh.xdmf import export
 
 # The corners of a quadrilateral and a hexahedron in Gmsh's order, as steps along the axes.
 _CORNERS: dict[int, list[tuple[int, ...]]] = {
@@ -30,41 +30,48 @@ SIDES = {
 }
 
 
+def lattice(counts: Sequence[int], kind: str = "box") -> tuple[IntArray, Groups]:
+    """The places (n, d) of nodes, and the cells and sides of a block of so many boxes.
+
+    With the kind "simplex" each box, and each side of one, is cut along its longest diagonal.
+    """
+    dim = len(counts)
+    places = np.array(list(itertools.product(*(range(count + 1) for count in counts))))
+    steps = np.array([math.prod(n + 1 for n in counts[axis + 1 :]) for axis in range(dim)])
+
+    def pieces(spans: Sequence[Sequence[int]], axes: list[int]) -> list[tuple[int, ...]]:
+        corners = np.array(_CORNERS[len(axes)]) @ steps[axes]
+        ways = [corners]
+        if kind == "simplex":
+            orders = itertools.permutations(axes)
+            ways = [np.append(0, np.cumsum(steps[list(order)])) for order in orders]
+        starts = [1 + int(np.dot(corner, steps)) for corner in itertools.product(*spans)]
+        return [tuple((start + way).tolist()) for start in starts for way in ways]
+
+    whole = [range(count) for count in counts]
+    groups: Groups = {}
+    for axis, end in itertools.product(range(dim), (0, 1)):
+        spans = [
+            *whole[:axis],
+            range(end * counts[axis], end * counts[axis] + 1),
+            *whole[axis + 1 :],
+        ]
+        others = [other for other in range(dim) if other != axis]
+        groups[SIDES[dim][2 * axis + end]] = pieces(spans, others)
+    groups["body"] = pieces(whole, list(range(dim)))
+    return places, groups
+
+
 def distorted(dim: int, parts: int, share: float = 0.25) -> tuple[Points, Groups]:
     """The unit square or cube of ``parts^d`` boxes with moved nodes, and its sides by name.
 
     Nodes move by up to the share of a box: along the sides that they lie on, and inside in every
     direction, so that faces inside are not plane.
     """
-    rng = np.random.default_rng(1)
-    lattice = np.array(list(itertools.product(range(parts + 1), repeat=dim)))
-    number = {tuple(map(int, place)): i for i, place in enumerate(lattice, start=1)}
-
-    def at(place: Any, corner: Any) -> int:
-        return number[tuple(int(a + b) for a, b in zip(place, corner, strict=True))]
-
-    steps = rng.uniform(-share, share, lattice.shape)
-    steps[(lattice == 0) | (lattice == parts)] = 0.0
-    points: Points = [tuple(map(float, row)) for row in (lattice + steps) / parts]
-    groups: Groups = {}
-    for axis, end in itertools.product(range(dim), (0, 1)):
-        places = itertools.product(range(parts), repeat=dim - 1)
-        groups[SIDES[dim][2 * axis + end]] = [
-            tuple(
-                at(_with(axis, end * parts, place), _with(axis, 0, corner))
-                for corner in _CORNERS[dim - 1]
-            )
-            for place in places
-        ]
-    groups["body"] = [
-        tuple(at(place, corner) for corner in _CORNERS[dim])
-        for place in itertools.product(range(parts), repeat=dim)
-    ]
-    return points, groups
-
-
-def _with(axis: int, value: int, others: tuple[int, ...]) -> tuple[int, ...]:
-    return (*others[:axis], value, *others[axis:])
+    places, groups = lattice([parts] * dim)
+    steps = np.random.default_rng(1).uniform(-share, share, places.shape)
+    steps[(places == 0) | (places == parts)] = 0.0
+    return [tuple(map(float, row)) for row in (places + steps) / parts], groups
 
 
 def write_distorted(path: Path, dim: int, parts: int, share: float = 0.25) -> Path:

@@ -1,4 +1,4 @@
-"""XDMF files of the tests, also of meshes that are no bodies."""
+"""XDMF files of the tests: of domains, and of meshes that are no bodies."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
+import h5py
 import numpy as np
-from petsc4py import PETSc
+from dolfinx import io
+from dolfinx import mesh as dmesh
+
+from contact_locking.mesh.domain import Domain
 
 MeshElements = Sequence[Sequence[int]]
 
@@ -28,25 +32,12 @@ def write_xdmf(
     """
     width = max(len(rows[0]) for rows in groups.values())
     cells = [row for rows in groups.values() for row in rows if len(row) == width]
-    viewer = PETSc.ViewerHDF5().create(str(path.with_suffix(".h5")), "w", comm=PETSc.COMM_SELF)
+    file = h5py.File(path.with_suffix(".h5"), "w")
 
     def item(place: str, rows: Sequence[Sequence[float]], whole: bool) -> str:
         """The reference to an array, which is written."""
-        folder, _, name = place.rpartition("/")
-        array = np.array(rows, dtype=PETSc.IntType if whole else float)
-        viewer.pushGroup(folder)
-        made: PETSc.Object
-        if whole:
-            made = PETSc.IS().createGeneral(array.reshape(-1), comm=PETSc.COMM_SELF)
-            made.setBlockSize(array.shape[1])
-        else:
-            made = PETSc.Vec().createWithArray(
-                array.reshape(-1), comm=PETSc.COMM_SELF, bsize=array.shape[1]
-            )
-        made.setName(name)
-        made.view(viewer)
-        made.destroy()
-        viewer.popGroup()
+        array = np.array(rows, dtype=np.int64 if whole else float)
+        file[place] = array
         size = " ".join(map(str, array.shape))
         kind = ' NumberType="Int"' if whole else ""
         place = f"{path.with_suffix('.h5').name}:{place}"
@@ -76,7 +67,21 @@ def write_xdmf(
             f'<Grid Name={quoteattr(name)} GridType="Uniform">'
             f"{topology(f'{place}/topology', rows)}{attribute}"
         )
-    viewer.destroy()
+    file.close()
     text = f'<Xdmf Version="3.0"><Domain>{"".join(grids)}</Domain></Xdmf>'
     path.write_text(f'<?xml version="1.0"?>\n{text}\n', encoding="utf-8")
     return path
+
+
+def export(domain: Domain, path: Path) -> None:
+    """Write the mesh of a domain and its groups as DOLFINx does; collective."""
+    mesh, dim = domain.mesh, domain.dim
+    mesh.name = "mesh"
+    groups = [(dim, name, domain.cells(name)) for name in domain.cell_names]
+    groups += [(dim - 1, name, domain.facets((name,))) for name in domain.facet_names]
+    with io.XDMFFile(domain.comm, path, "w") as file:
+        file.write_mesh(mesh)
+        for of, name, entities in groups:
+            tags = dmesh.meshtags(mesh, of, entities, np.ones(len(entities), dtype=np.int32))
+            tags.name = name
+            file.write_meshtags(tags, mesh.geometry)

@@ -15,8 +15,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.inverse.numbers import number_at, with_number
-from contact_locking.inverse.sensitivities import value_of
+from contact_locking.inverse.sensitivities import number_at, value_of, with_number
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve
 from contact_locking.study_file.dump import plain

@@ -178,15 +178,14 @@ class Body:
 
     def strain(self, u: Array, points: Points | None = None) -> Array:
         """(c, p, m) from u (k, d)."""
-        return np.einsum("kpmsd,ksd->kpm", (points or self.law).B, u[self.cells])
+        points = points or self.law
+        return np.asarray(self.operator(points) @ u.ravel()).reshape(points.B.shape[:3])
 
     def forces(self, stress: Array, points: Points | None = None) -> Array:
         """The nodal forces (k, d) of stresses (c, p, m)."""
         points = points or self.law
-        parts = np.einsum("kpmsd,kpm,kp->ksd", points.B, stress, points.weights)
-        found = np.zeros_like(self.mesh.x)
-        np.add.at(found, self.cells, parts)
-        return found
+        weighted = (points.weights[..., None] * stress).ravel()
+        return np.asarray(self.operator(points).T @ weighted).reshape(self.mesh.x.shape)
 
     @cached_property
     def stiffness(self) -> Array:
@@ -295,12 +294,10 @@ class Body:
         strain = self.strain(u, points)
         stress = np.einsum("kpmn,kpn->kpm", A, strain)
         energy = 0.5 * float(np.sum(points.weights * np.sum(stress * strain, axis=2)))
-        B = np.abs(points.B)
-        sizes = np.einsum("kpmsd,ksd->kpm", B, np.abs(u[self.cells]))
-        sizes = np.einsum("kpmn,kpn->kpm", np.abs(A), sizes)
-        parts = np.einsum("kpmsd,kpm,kp->ksd", B, sizes, points.weights)
-        terms = np.zeros_like(self.mesh.x)
-        np.add.at(terms, self.cells, parts)
+        B, A = abs(self.operator(points)), np.abs(A)
+        sizes = (B @ np.abs(u).ravel()).reshape(strain.shape)
+        sizes = points.weights[..., None] * np.einsum("kpmn,kpn->kpm", A, sizes)
+        terms = np.asarray(B.T @ sizes.ravel()).reshape(u.shape)
         return self.forces(stress, points), terms, energy
 
     def facets(self, names: str | list[str]) -> Index:

@@ -9,12 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 import ufl
-from bounded_block import benchmark
 from certified import certificate
 from dolfinx import fem
 from manufactured import Manufactured, X, Y
 from mpi4py import MPI
-from problems import block, column, with_changes
+from problems import benchmark, block, column, with_changes
 from test_verification_annulus import LAME_LAMBDA, LAME_MU, annulus, exact_displacement
 from transfer import on_mesh_of
 
@@ -29,14 +28,14 @@ from contact_locking.running import solving
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.theory.guaranteed.body import Body
-from contact_locking.theory.guaranteed.boundary import (
+from contact_locking.theory.equilibrated_stress import Body
+from contact_locking.theory.stress_data import (
     balanced_forces,
     balanced_loads,
     contact_tractions,
     held_components,
 )
-from contact_locking.theory.guaranteed.triangles import Triangles, macro_element, product_integral
+from contact_locking.theory.triangles import Triangles, macro_element, product_integral
 
 
 @dataclass(frozen=True)
@@ -149,12 +148,6 @@ def test_the_bound_of_a_manufactured_solution_is_sharp_and_never_below_the_error
     solution = exact.solved(0.125, certificate__error_bound=True)
     found = solution.summary["certificate"]["errors"]["guaranteed"]
     assert 1.0 - 1e-9 <= found["energy_norm"] / exact.errors(solution).energy <= most
-
-
-@pytest.mark.serial
-def test_no_bound_is_proved_for_a_load_that_no_stress_balances() -> None:
-    found = bound(benchmark(4, loads__body_force=["0.01*sin(9*x)", 0.0]))
-    assert not found["applicable"] and "a body force is not of degree 0" in found["reason"]
 
 
 def annulus_error(solution: StudySolution) -> float:

@@ -11,7 +11,7 @@ from test_verification_curved import LAME, NU, PRESS
 from test_verification_hertz import DEPTH, POISSON, RADIUS, YOUNG, section
 from verification_table import Rows
 
-from contact_locking.inverse.fit import session
+from contact_locking.inverse import fitting
 
 E, NU_KEY = "material.elasticity.young", "material.elasticity.poisson"
 
@@ -82,7 +82,7 @@ def test_v42_a_fit_finds_the_modulus_of_lames_ring(tmp_path: Path, found: Rows) 
         "parameters": {E: {"start": 1.5, "bounds": [0.1, 10], "scale": "log"}},
     }
     data = ring() | {"fit": given, "penalty": {"n": float("inf")}}
-    content, _ = session.fit(with_changes(data), tmp_path / "results")
+    content, _ = fitting.fit(with_changes(data), tmp_path / "results")
     value = content["parameters"][E]["value"]
     found.add("V43", "ring in a rigid ring, fitted", "E", value, 1.0, rel=0.01)
     # The ends of the interval take two.

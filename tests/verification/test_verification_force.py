@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from mpi4py import MPI
-from pressed_tools import NONE, told
-from problems import column, solved
+from problems import NONE, column, solved, told
 from slow import slow
 from verification_table import Rows
 

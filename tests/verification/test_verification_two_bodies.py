@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -24,6 +23,7 @@ from benchmark_bodies import (
     roller_study,
     solved,
 )
+from boxes import lattice
 from mpi4py import MPI
 from outlines import Side, graded, write_outlines
 from small_meshes import Groups, Points, shared
@@ -76,7 +76,7 @@ def quarter_of_rounded_punch(folder: Path, cells: str, fine: float) -> Path:
         away = steps[SHOULDER + steps < 0.8 * FAR]
         ticks = np.concatenate([near, SHOULDER + away, [FAR]])
         depth = np.concatenate([[0.0], steps[steps < 0.8 * FAR], [FAR]])
-        _add_block(points, groups, name, (ticks, ticks, depth), up, cells)
+        _add_block(points, groups, name, [ticks, ticks, depth], up, cells)
     return shared(MPI.COMM_WORLD, folder, points, groups)
 
 
@@ -86,47 +86,20 @@ def _height(radius: float) -> float:
 
 
 def _add_block(
-    points: Points,
-    groups: Groups,
-    name: str,
-    ticks: tuple[FloatArray, FloatArray, FloatArray],
-    up: float,
-    cells: str,
+    points: Points, groups: Groups, name: str, ticks: list[FloatArray], up: float, cells: str
 ) -> None:
     """A block over or under z = 0, whose sole is that of the punch if it is the upper one."""
-    counts = [len(axis) for axis in ticks]
-    first = len(points) + 1
-    places = list(itertools.product(range(counts[2]), range(counts[1]), range(counts[0])))
-    for k, j, i in places:
-        x, y, z = float(ticks[0][i]), float(ticks[1][j]), float(ticks[2][k])
-        lift = _height(math.hypot(x, y)) * (1.0 - z / FAR) if up > 0.0 else 0.0
-        points.append((x, y, up * z + lift))
-    steps = np.array([1, counts[0], counts[0] * counts[1]])
-
-    def pieces(corner: tuple[int, ...], axes: tuple[int, ...]) -> list[tuple[int, ...]]:
-        """A box of the grid, or a side of it, whole or as simplices on its longest diagonal."""
-        start = first + int(np.dot(corner, steps))
-        if cells == "simplex":
-            orders = itertools.permutations(axes)
-            return [(start, *(start + np.cumsum(steps[list(order)])).tolist()) for order in orders]
-        one, other = steps[axes[0]], steps[axes[1]]
-        ring = [start, start + one, start + one + other, start + other]
-        above = [node + steps[axes[2]] for node in ring] if len(axes) == 3 else []
-        return [tuple(int(node) for node in [*ring, *above])]
-
-    def layer(axis: int, at: int) -> list[tuple[int, ...]]:
-        axes = tuple(other for other in range(3) if other != axis)
-        spans = [[at] if a == axis else range(counts[a] - 1) for a in range(3)]
-        return [piece for corner in itertools.product(*spans) for piece in pieces(corner, axes)]
-
-    spans = [range(count - 1) for count in counts]
-    groups[name] = [
-        piece for corner in itertools.product(*spans) for piece in pieces(corner, (0, 1, 2))
-    ]
-    groups["sole" if up > 0.0 else "face"] = layer(2, 0)
-    groups[f"far_{name}"] = [facet for axis in range(3) for facet in layer(axis, counts[axis] - 1)]
-    groups["left"] = [*groups.get("left", []), *layer(0, 0)]
-    groups["front"] = [*groups.get("front", []), *layer(1, 0)]
+    places, block = lattice([len(axis) - 1 for axis in ticks], cells)
+    x, y, z = (axis[place] for axis, place in zip(ticks, places.T, strict=True))
+    if up > 0.0:
+        z = z + np.vectorize(_height)(np.hypot(x, y)) * (1.0 - z / FAR)
+    first, names = len(points), {"body": name, "left": "left", "front": "front"}
+    names["bottom"] = "sole" if up > 0.0 else "face"
+    points += [tuple(map(float, row)) for row in np.column_stack([x, y, up * z])]
+    for side, rows in block.items():
+        numbers = [tuple(first + number for number in row) for row in rows]
+        group = names.get(side, f"far_{name}")
+        groups[group] = [*groups.get(group, []), *numbers]
 
 
 def rounded_punch_study(path: Path, dim: int = 2) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from seal import seal
+from problems import seal
 
 from contact_locking import InputError, solve
 from contact_locking.results.output import UnitLabels

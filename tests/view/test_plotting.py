@@ -77,15 +77,6 @@ def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(
     assert not folder.exists()
 
 
-def test_a_displacement_that_is_not_finite_is_not_drawn(
-    tmp_path: Path, comm: MPI.Intracomm
-) -> None:
-    solution = made_up()
-    solution.displacement.x.array[:] = np.nan
-    problem = pictures.picture(solution, comm.bcast(tmp_path))
-    assert problem == "no picture was drawn: the displacement is not finite"
-
-
 @pytest.mark.serial
 def test_only_a_small_displacement_over_a_uniform_gap_is_magnified() -> None:
     body = snapshot()
@@ -99,3 +90,12 @@ def test_only_a_small_displacement_over_a_uniform_gap_is_magnified() -> None:
     assert style.magnification(body) == 50.0
     body.contact.points.gap[0] = 0.31
     assert style.magnification(body) == 1.0
+
+
+def test_a_displacement_that_is_not_finite_is_not_drawn(
+    tmp_path: Path, comm: MPI.Intracomm
+) -> None:
+    solution = made_up()
+    solution.displacement.x.array[:] = np.nan
+    problem = pictures.picture(solution, comm.bcast(tmp_path))
+    assert problem == "no picture was drawn: the displacement is not finite"

@@ -57,11 +57,9 @@ def test_a_report_of_a_run_says_what_came_out(own_run: Path) -> None:
         assert ElementTree.parse(path).getroot().tag.endswith("svg")
 
 
-def test_a_report_of_a_body_in_three_dimensions_has_maps(tmp_path: Path) -> None:
+def test_a_report_of_a_body_in_three_dimensions_has_its_points(tmp_path: Path) -> None:
     text = page(run_folder(tmp_path, dim=3))
-    names = {path.stem for path in (tmp_path / "report").iterdir()}
-    assert names == {"pressure", "friction", "states"}
-    assert "from the foundation" in text
+    assert "On the contact boundary" in text and not [*(tmp_path / "report").iterdir()]
 
 
 @quick
@@ -85,7 +83,6 @@ def test_a_report_of_a_study_has_every_case_and_the_reasons(tmp_path: Path) -> N
     # A line separator inside a reason must not cut its row in two.
     assert "was &lt;img src=x onerror=alert(1)&gt; killed by SIGKILL\u2028perhaps" in text
     assert REASON not in text
-    assert 'data-value="Infinity"' in text
 
 
 def test_rates_are_those_of_the_numbers(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from contact_locking.meshes import BUILDERS
 from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
 from contact_locking.study_file.parameters.wording import meant
 from contact_locking.values.concept import ONLY, Concept, Fault, entry
-from contact_locking.values.kinds import File, Integer, Number, NumberOrInfinite, OneOf, Text
+from contact_locking.values.kinds import File, Number, NumberOrInfinite, OneOf, Text
 from contact_locking.values.value import show
 
 MAX_CASES, MAX_KEYS = 10_000, 100
@@ -188,9 +188,6 @@ class FitParameters(Concept):
     )
     parameters: dict[str, FittedNumber] = entry(
         ..., "the numbers to fit, by their dotted keys, each with {start, bounds, scale}"
-    )
-    starts: Annotated[Integer, Field(ge=1, le=1000)] = entry(
-        1, "how many searches, each from other numbers; the first is from those of the file"
     )
 
     def _faults(self) -> Iterator[Fault]:

@@ -24,6 +24,7 @@ REMOVED_KEYS: dict[str, str] = {
     "and at the Gauss points elsewhere; leave the key out",
     "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
     "take solver.method: penalty for updates around whole solves, with their contraction factor",
+    "starts": "a fit is one search; begin others with other numbers in start",
     "facets": "tags of facets stand in mesh.file itself: write mesh and tags to one file with "
     "dolfinx.io.XDMFFile, or name parts of the boundary by place, mesh.parts",
 }

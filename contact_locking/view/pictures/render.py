@@ -18,7 +18,7 @@ import pyvista as pv
 from matplotlib.colors import ListedColormap, PowerNorm
 
 from contact_locking.arrays import FloatArray, IntArray
-from contact_locking.results.contact_points import OPEN, SLIP, STATE_NAMES, STICK, ContactPoints
+from contact_locking.results.contact_points import OPEN, STATE_NAMES, STICK
 from contact_locking.view.pictures import style
 from contact_locking.view.pictures.space import Image
 from contact_locking.view.pictures.style import (
@@ -44,10 +44,6 @@ _TOOL_OPACITY = 0.45
 # Line widths in points.
 _EDGE, _FINE, _CASING, _RIM, _BAND = 1.0, 0.7, 3.0, 1.6, 7.0
 _SHADES = 512
-# The longest arrow of the slip as a share of the body.
-_ARROW = 0.1
-# The largest number of arrows in a row.
-_ARROWS = 12
 # At a larger ratio of the largest to the median pressure the colours follow the square root.
 _PEAKED = 6.0
 
@@ -153,15 +149,6 @@ class Scene:
         how = {"cmap": style.STATES, "n_colors": 3, "clim": (-0.5, 2.5), "lighting": False}
         how |= {"scalars": "state", "annotations": dict(enumerate(STATE_NAMES))}
         self._add(part, scalar_bar_args=_BAR | {"n_labels": 0}, **how)
-        shown = _with_arrow(contact.points)
-        slip = contact.points.u_tangent[shown]
-        longest = float(np.linalg.norm(slip, axis=1).max(initial=0.0))
-        if longest > 0.0:
-            arrows = pv.PolyData(self._lifted_contact()[shown] + self._lift)
-            arrows.point_data["slip"] = slip
-            size = _ARROW * self._body.size / longest
-            glyphs = arrows.glyph(orient="slip", scale="slip", factor=size)
-            self._add(glyphs, color=style.BLACK, lighting=False)
 
     def _lifted_contact(self) -> FloatArray:
         """Points of Gamma_C in front of the body, whose hexahedra have other triangles there."""
@@ -255,17 +242,6 @@ def _surface(points: FloatArray, facets: IntArray) -> Any:
 def _loose(shapes: FloatArray) -> Any:
     """Shapes (m, k, 3) that share no points."""
     return _surface(shapes.reshape(-1, 3), np.arange(shapes[..., 0].size).reshape(len(shapes), -1))
-
-
-def _with_arrow(points: ContactPoints) -> IntArray:
-    """The slipping points that have an arrow: one of several whose arrows would overlap."""
-    slips = np.flatnonzero(points.state == SLIP)
-    places = points.x[slips] * (_ARROWS / float(np.ptp(points.x, axis=0).max()))
-    boxes = np.floor(places)
-    # The arrow of a box is at the point that is nearest to the middle of the box.
-    order = np.argsort(np.linalg.norm(places - boxes - 0.5, axis=1))
-    first = np.unique(boxes[order], axis=0, return_index=True)[1]
-    return slips[np.sort(order[first])]
 
 
 # The direction to the viewer, in degrees: in front, from the right, a little from above.

@@ -1,6 +1,6 @@
 """What pages are made of: charts with named curves, embedded pictures, templates of HTML, words.
 
-A page needs no other file: its style, script and pictures are inside.  Values, keys and quantities
+A page needs no other file: its style and its pictures are inside.  Values, keys and quantities
 stand as a person writes them: ``friction coefficient μ``.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import base64
 import functools
-import hashlib
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -100,46 +99,6 @@ _WORDS: Mapping[str, str] = {
     "c_0": "c_0",
     "c_0_reason": "why c_0 is not known",
     "epsilon": "ε",
-}
-#: The meanings of the values of the certificate, by their names.
-MEANINGS = {
-    "displacement_norm": "‖ε(u)‖ over the body",
-    "locking_penalty": "2n ∫ ([|ε| − M]⁺)²",
-    "contact_penalty": "(1/ε) ∫ ([u_ν − g]⁺)²",
-    "locking_work": "∫ M |Z|, the work of the locking stress at the limit",
-    "equilibrium": "residual forces over the forces that act",
-    "force_balance": "sum of all forces on the body",
-    "moment_balance": "sum of all moments on the body",
-    "locking_complementarity": "locking stress only where |ε| = M",
-    "locking_violation": "strain beyond the locking law",
-    "contact_complementarity": "pressure only where the gap is closed",
-    "contact_violation": "penetration beyond the contact law, and pull",
-    "held_nodes": "contact forces at nodes that conditions hold",
-    "friction_complementarity": "slip only at the friction bound, against the traction",
-    "coulomb_cone": "friction above its bound",
-    "friction_sign": "work that friction adds",
-    "friction_bound": "change of the friction bound in one more update",
-    "smoothing_constants": "change of constants by R",
-    "duality_gap": "sum of Fenchel's terms of the laws over the work",
-    "energy_balance": "energy that a step creates or loses beyond its bounds, over the work",
-    "alpha": "smallest eigenvalue of the elasticity",
-    "c_0": "trace constant of this mesh, |v| on Γ_C ≤ c_0 ‖v‖_V, from below",
-    "friction_coefficient": "largest μ",
-    "friction_lipschitz": "Lipschitz constant of μ in the slip",
-    "friction_constants": "whether μ and its Lipschitz constant are exact or sampled",
-    "smoothing_norm": "upper bound of the norm of R on this mesh",
-    "uniqueness.verdict": "whether theory says that there is no other solution",
-    "uniqueness.contraction": "factor by which updates of the friction bound shrink",
-    "mesh.energy_norm": "estimated distance to the solution on finer meshes",
-    "mesh.with_locking": "the same with the locking stress in it",
-    "penalty.energy_norm": "bound of the distance to the solution for n = ∞ on this mesh",
-    "penalty.displacement_norm": "the same bound in the norm of the strain",
-    "load_factor": "shares of the prescribed displacements that can, and cannot, be followed",
-    "infeasible": "whether no displacement on any mesh follows the prescribed values",
-    "guaranteed.energy_norm": "proved bound of the whole error, for the friction bound kept fixed",
-    "guaranteed.applicable": "whether the bound is proved for these data",
-    "penalty_measured.energy_norm": "measured distance to the solution for n = ∞ on this mesh",
-    "penalty_measured.displacement_norm": "the same distance in the norm of the strain",
 }
 # Sections whose names say nothing beside that of the key below them.
 _UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output")
@@ -329,11 +288,9 @@ def embedded(path: Path, width: int, colours: int | None = None) -> str:
 
 def render(template: str, **context: Any) -> str:
     """A whole HTML document from a template of this package."""
-    script = _resource("page.js")
-    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    look = {"style": Markup(_resource("page.css")), "script": Markup(script)}
+    look = resources.files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     page = environment().get_template(template)
-    return page.render(context, version=__version__, script_digest=digest, **look)
+    return page.render(context, version=__version__, style=Markup(look))
 
 
 @functools.cache
@@ -359,7 +316,3 @@ def key(name: str) -> Markup:
 def formula(text: str) -> Markup:
     """A text whose indices of one letter are set as indices: the C in Gamma_C."""
     return Markup(re.sub(r"_(\w)", r"<sub>\1</sub>", str(escape(text))))
-
-
-def _resource(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8")

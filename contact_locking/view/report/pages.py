@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import itertools
-import json
 import re
-import textwrap
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,16 +18,13 @@ from contact_locking.study_file import reading as source
 from contact_locking.study_file.parameters.study import StudyParameters
 
 from .folders import Row, RunResults, StudyResults, history_in
-from .page import MEANINGS, Chart, embedded, render, shown, title, titles_in
+from .page import Chart, embedded, render, shown, title, titles_in
 from .run_charts import (
     Process,
-    adapt_charts,
     branch_charts,
     contact_charts,
-    derivative_charts,
     fit_charts,
     history_charts,
-    rows_of_derivatives,
     wanted_charts,
 )
 from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends
@@ -45,14 +40,12 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     wanted = look_up(source.read(run.folder / PARAMETERS).data, "output.charts") or []
     parts = certificate(summary)
     holds = [entry["holds"] for part in parts for entry in part.judged.values()]
-    derivatives, of_contacts = rows_of_derivatives(summary), contact_charts(run)
+    of_contacts = contact_charts(run)
     steps = wanted_charts(wanted, [Process(run.history)], contacts, units)
     charts = {
         "steps": steps + history_charts(run.history, contacts, units),
         "fit": [] if run.fit is None else fit_charts(run.fit),
         "branch": branch_charts(summary.get("branches"), units),
-        "derivatives": derivative_charts(derivatives),
-        "adapt": adapt_charts(run),
     }
     states = np.bincount(run.contact.state, minlength=len(STATE_NAMES))
     html = render(
@@ -69,14 +62,24 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
         states=[f"{n} {name}" for n, name in zip(states, STATE_NAMES, strict=True) if n],
         contact_charts=of_contacts,
         charts=charts,
-        derivatives=derivatives,
+        derivatives=_derivatives(summary),
         certificate=parts,
         judged=(holds.count(True), holds.count(False)),
-        meanings=MEANINGS,
         stage_columns=[*dict.fromkeys(itertools.chain(*summary.get("stages", [])))],
     )
     groups = [*charts.values(), *(group for _, group in of_contacts)]
     return html, [*itertools.chain(*groups)]
+
+
+def _derivatives(summary: Mapping[str, Any]) -> list[tuple[str, str, Any, Any]]:
+    """Each result with the number, the derivative and the elasticity, large ones first."""
+    return [
+        (result, key, entry["derivative"], entry["elasticity"])
+        for result, entries in summary.get("sensitivities", {}).items()
+        for key, entry in sorted(
+            entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0)
+        )
+    ]
 
 
 class Part(NamedTuple):
@@ -186,7 +189,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
         varied=[(texts.titles[key], key, texts.all_of(key)) for key in keys],
         rough=rough.count(True),
         side_by_side=len(what.zip) > 1,
-        table=cases(rows, keys, pictures, texts, quantities),
+        table=cases(rows, keys, texts, quantities),
         over_steps=over_steps,
         trends=list(over.items()),
         internals=[pair for pair in drawn if pair[0].quantity.of == "solver"],
@@ -206,71 +209,32 @@ _NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
 #: The column with the reason of a failure, the warnings and the weakness of a result.
 REMARKS = "remarks"
-# The number of characters of a remark that stay where it is folded.
-_FOLDED = 46
-
-
-class Cell(NamedTuple):
-    """A cell with its whole text, of which ``folded`` is what a folded cell shows, if it is less.
-
-    ``order`` is the number that sorts the cell, ``picture`` the case that the cell links to.
-    The text of a cell ``in_parts``, a list or a mapping, may take several lines.
-    """
-
-    text: str
-    kind: str | None = None
-    order: str | None = None
-    picture: str | None = None
-    folded: str | None = None
-    in_parts: bool = False
-
-
-class Column(NamedTuple):
-    """A column with its name for readers; columns of kind ``more`` are seen on demand only."""
-
-    key: str
-    title: str
-    kind: str | None
 
 
 class CaseTable(NamedTuple):
-    """The columns, and for each row the class of HTML, the state in one word, and the cells."""
+    """The columns with their keys and names, and for each row the class of HTML and the cells."""
 
-    columns: list[Column]
-    rows: list[tuple[str | None, str, list[Cell]]]
+    columns: list[tuple[str, str]]
+    rows: list[tuple[str | None, list[str]]]
 
 
 def cases(
-    rows: Sequence[Row],
-    keys: Sequence[str],
-    linked: Collection[str],
-    texts: VariedTexts,
-    quantities: Mapping[str, Quantity],
+    rows: Sequence[Row], keys: Sequence[str], texts: VariedTexts, quantities: Mapping[str, Quantity]
 ) -> CaseTable:
-    """All rows; ``keys`` vary, and ``linked`` cases have a picture on the page."""
-    # The state, which says whether a case converged, comes first: it is seen on a phone too.
-    front = ["state", *keys, REMARKS]
-    names = dict.fromkeys(name for row in rows for name in row)
-    order = [*front, *(name for name in names if name not in (*front, *_NOT_BETWEEN)), "case"]
-    columns = [
-        Column(name, texts.titles.get(name) or title(name), _kind(name, front, rows, quantities))
-        for name in order
-    ]
+    """All rows, with the ``keys`` that vary, and the quantities that differ."""
     remarks = [_remark(row) for row in rows]
-    if not any(remarks):
-        columns = [column for column in columns if column.key != REMARKS]
+    # The state, which says whether a case converged, comes first: it is seen on a phone too.
+    front = ["state", *keys, *([REMARKS] if any(remarks) else [])]
+    names = [name for name in dict.fromkeys(itertools.chain(*rows)) if name not in _NOT_BETWEEN]
+    others = [name for name in names if name not in front and _differs(name, rows, quantities)]
+    order = [*front, *others, "case"]
     found = []
-    for row, told in zip(rows, remarks, strict=True):
-        short = textwrap.shorten(told, _FOLDED, placeholder="…")
-        cells = [
-            Cell(told, "why", folded=short if short != told else None)
-            if column.key == REMARKS
-            else _cell(row, column, linked, texts if column.key in keys else None)
-            for column in columns
-        ]
-        state = str(row["state"])
-        found.append((_ROW_KIND.get(state, "failed"), state.replace(" ", "-"), cells))
-    return CaseTable(columns, found)
+    for row, remark in zip(rows, remarks, strict=True):
+        shown_texts = {name: shown(row.get(name)) for name in order}
+        shown_texts |= dict(zip(keys, texts.of(row, keys), strict=True)) | {REMARKS: remark}
+        kind = _ROW_KIND.get(str(row["state"]), "failed")
+        found.append((kind, [shown_texts[name] for name in order]))
+    return CaseTable([(name, texts.titles.get(name) or title(name)) for name in order], found)
 
 
 def _remark(row: Row) -> str:
@@ -282,33 +246,12 @@ def _remark(row: Row) -> str:
     return "; ".join([*told, f"warning: {warnings}"] if warnings else told)
 
 
-def _kind(
-    name: str, front: Sequence[str], rows: Sequence[Row], quantities: Mapping[str, Quantity]
-) -> str | None:
-    """The kind of a column: ``more`` where no number differs by more than rounding."""
-    if name == REMARKS:
-        return "why"
-    if name in front or name == "case":
-        return None
+def _differs(name: str, rows: Sequence[Row], quantities: Mapping[str, Quantity]) -> bool:
+    """Whether a column has a quantity that differs by more than rounding."""
     vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
     found = quantities.get(name) or quantities.get(vector)
     if found is None or found.trend is None or found.of == "solver":
-        return "more"
+        return False
     values = [number(row.get(name)) for row in rows if row.get("converged") is True]
     known = [value for value in values if value is not None]
-    differs = len(known) > 1 and (len(known) < len(values) or differ(known))
-    return None if differs else "more"
-
-
-def _cell(row: Row, column: Column, linked: Collection[str], texts: VariedTexts | None) -> Cell:
-    """The cell of a column; ``texts`` are those of a key that varies."""
-    value = row.get(column.key)
-    in_parts, order = isinstance(value, dict | list), number(value)
-    # JavaScript reads numbers as Python writes them, but for infinity.
-    written = None if order is None else repr(order).replace("inf", "Infinity")
-    if texts is not None:
-        (text,) = texts.of(row, [column.key])
-        return Cell(text, order=written, in_parts=in_parts)
-    text = json.dumps(value, ensure_ascii=False) if in_parts else shown(value)
-    is_link = column.key == "case" and text in linked
-    return Cell(text, column.kind, written, text if is_link else None)
+    return len(known) > 1 and (len(known) < len(values) or differ(known))

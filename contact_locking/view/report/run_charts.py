@@ -9,26 +9,26 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
-from contact_locking.arrays import AXES, FloatArray, IntArray
+from contact_locking.arrays import AXES, IntArray
 from contact_locking.errors import with_key
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.contact_points import curves as ordered
 from contact_locking.results.quantities import QUANTITIES, Quantity
 from contact_locking.results.table import Table
 from contact_locking.view.pictures import plane, style
-from contact_locking.view.pictures.style import Units, facets_within, nearest_parts
+from contact_locking.view.pictures.style import Units, facets_within
 
 from .folders import RunResults
-from .page import WIDTH, Chart, Curve, drawing, drawn, gridded, legend_height, name_curves, plain
+from .page import Chart, Curve, drawing, drawn, gridded, legend_height, name_curves, plain
 
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
-    """The charts of each contact, with the name of the contact if there are several."""
-    found = []
+    """The charts of each contact in the plane, with its name if there are several."""
+    found: list[tuple[str, list[Chart]]] = []
+    if run.contact.dim == 3:
+        return found  # the picture shows them
     rows, units = run.contact.rows(), run.summary.get("units", {})
     largest = float(run.contact.pressure.max(initial=0.0))
     for number, own in enumerate(rows, start=1):
@@ -36,50 +36,16 @@ def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
         name = run.summary["contacts"][points.contact[0]]["name"] if len(rows) > 1 else ""
         ending, of = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
         charts: list[Chart] = []
-        if points.dim == 2:
-            along = f"along the contact boundary{of}"
-            about = f"Contact pressure, friction traction and its bound {along}"
-            with drawn(charts, f"tractions{ending}", about, 3.6) as figure:
-                axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
-                plane.draw_tractions(axes, strip, points, facets, units, largest)
-                handles = axes.get_legend_handles_labels()
-                figure.legend(*handles, loc="outside upper left", ncols=2)
-            about = f"Tangential displacement and distance to the foundation {along}"
-            with drawn(charts, f"slip{ending}", about, 2.6) as figure:
-                _opening(figure, points, facets, units)
-        else:
-            i, j, _ = _frame(points)
-            width, high = np.ptp(points.x[:, [i, j]], axis=0)
-            height = float(np.clip(0.85 * WIDTH * high / (width or 1.0), 2.0, 6.0)) + 0.9
-            seen = f"seen from the foundation{of}"
-            friction = np.linalg.norm(points.traction, axis=1)
-            for stem, about, values, label in (
-                ("pressure", "contact pressure", points.pressure, r"$-\sigma_\nu$"),
-                ("friction", "friction traction", friction, r"$|\sigma_\tau|$"),
-            ):
-                with drawn(
-                    charts, f"{stem}{ending}", f"Map of the {about}, {seen}", height
-                ) as map_:
-                    axes, flat = _map_axes(map_, points, units)
-                    look: dict[str, Any] = {"cmap": "cividis", "vmin": 0.0, "rasterized": True}
-                    colours = axes.tripcolor(*flat.T, facets, values, shading="gouraud", **look)
-                    axes.margins(0.0)
-                    words = style.labelled(f"{about} {label}", "stress", units)
-                    bar: dict[str, Any] = {"orientation": "horizontal", "aspect": 40, "pad": 0.02}
-                    map_.colorbar(colours, ax=axes, label=words, **bar)
-            about = f"Map of open, sticking and slipping points, {seen}"
-            with drawn(charts, f"states{ending}", about, height) as figure:
-                axes, flat = _map_axes(figure, points, units)
-                # A point colours the parts of its facets that are nearest to the point.
-                shapes, point = nearest_parts(flat, facets)
-                look = {"edgecolors": "face", "linewidths": 0.2, "rasterized": True}
-                parts = PolyCollection(list(shapes), cmap=style.STATES, **look)
-                parts.set_array(points.state[point])
-                parts.set_clim(-0.5, 2.5)
-                axes.add_collection(parts)
-                axes.autoscale_view()
-                axes.margins(0.0)
-                figure.legend(handles=style.state_patches(), loc="outside lower center", ncols=3)
+        along = f"along the contact boundary{of}"
+        about = f"Contact pressure, friction traction and its bound {along}"
+        with drawn(charts, f"tractions{ending}", about, 3.6) as figure:
+            axes, strip = figure.subplots(2, 1, height_ratios=(1.0, 0.07))
+            plane.draw_tractions(axes, strip, points, facets, units, largest)
+            handles = axes.get_legend_handles_labels()
+            figure.legend(*handles, loc="outside upper left", ncols=2)
+        about = f"Tangential displacement and distance to the foundation {along}"
+        with drawn(charts, f"slip{ending}", about, 2.6) as figure:
+            _opening(figure, points, facets, units)
         found.append((name, charts))
     return found
 
@@ -99,34 +65,6 @@ def _opening(figure: Figure, contact: ContactPoints, facets: IntArray, units: Un
     axes.set_xlabel(label, loc="left")
     axes.set_ylabel(style.labelled("length", "length", units))
     figure.legend(loc="outside upper left", ncols=2)
-
-
-# Gamma_C is in a plane if it is thinner than this share of its extent.
-_PLANE = 1e-6
-
-
-def _frame(points: ContactPoints) -> tuple[int, int, bool]:
-    """The two axes of a map that shows Gamma_C from the foundation, and whether the second is down.
-
-    The viewer looks against the mean normal, along an axis of coordinates.
-    """
-    normal, extent = points.normal.mean(axis=0), np.ptp(points.x, axis=0)
-    across = int(np.argmax(np.abs(normal)))
-    # Beside a tool the normals may point along a plane Gamma_C, of which the map shows all.
-    if extent.min() < _PLANE * extent.max():
-        across = int(np.argmin(extent))
-    i, j = (axis for axis in range(3) if axis != across)
-    # The cross product of right and up points at the viewer, as the normal does.
-    return i, j, bool(np.cross(np.eye(3)[i], np.eye(3)[j]) @ normal < 0.0)
-
-
-def _map_axes(figure: Figure, contact: ContactPoints, units: Units) -> tuple[Axes, FloatArray]:
-    """The axes of a map, and the points (k, 2) in them."""
-    i, j, downwards = _frame(contact)
-    x_label, y_label = (style.labelled(f"${AXES[axis]}$", "length", units) for axis in (i, j))
-    axes = figure.add_subplot(aspect="equal", xlabel=x_label, ylabel=y_label)
-    axes.yaxis.set_inverted(downwards)
-    return axes, contact.x[:, [i, j]]
 
 
 _WORK = {
@@ -273,63 +211,8 @@ def _label(text: str, contacts: Sequence[str], units: Units) -> str:
     return sign + style.labelled(column.title, column.unit, units)
 
 
-def adapt_charts(run: RunResults) -> list[Chart]:
-    """The charts of a run with adapted meshes; none for other runs."""
-    adapt = run.summary.get("adapt", {"meshes": []})
-    errors = [(row["dofs"], row["estimate"]) for row in adapt["meshes"] if row["estimate"]]
-    if not errors:
-        return []
-    about = "Relative error over the number of unknowns, for each of the adapted meshes"
-    charts: list[Chart] = []
-    with drawn(charts, "adapt-error", about, 3.0) as figure:
-        axes, label = gridded(figure, "unknowns", "relative error"), "estimate, by recovery"
-        axes.loglog(*zip(*errors, strict=True), color=style.BLUE, marker="o", ms=4, label=label)
-        grey: dict[str, Any] = {"color": style.GREY, "lw": 1.0, "ls": "--", "zorder": 0.5}
-        axes.axhline(adapt["tolerance"], label="tolerance", **grey)
-        axes.legend()
-    return charts
-
-
-# More bars, charts or curves would be no picture.
-_MOST_BARS, _MOST_CHARTS, _MOST_CURVES = 20, 8, 6
-_LONGEST = 34
-
-
-def rows_of_derivatives(summary: Mapping[str, Any]) -> list[tuple[str, str, Any, Any]]:
-    """Each result with the number, the derivative and the elasticity, large ones first."""
-    return [
-        (result, key, entry["derivative"], entry["elasticity"])
-        for result, entries in summary.get("sensitivities", {}).items()
-        for key, entry in sorted(
-            entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0)
-        )
-    ]
-
-
-def derivative_charts(rows: Sequence[tuple[str, str, Any, Any]]) -> list[Chart]:
-    """Bars of elasticities, the change by 1 % more of each number, for each result that has some.
-
-    ``rows`` are those of :func:`rows_of_derivatives`.
-    """
-    bars: dict[str, list[tuple[str, float]]] = {}
-    for result, key, _, elasticity in rows:
-        if elasticity is not None:
-            bars.setdefault(result, []).append((key, elasticity))
-    charts: list[Chart] = []
-    for position, (result, every) in enumerate(list(bars.items())[:_MOST_CHARTS], start=1):
-        shown = every[:_MOST_BARS]
-        about = f"What 1 % more of each number does to {result}, in per cent"
-        with drawn(charts, f"elasticities-{position}", about, 1.0 + 0.3 * len(shown)) as figure:
-            axes = figure.add_subplot()
-            names = [x if len(x) <= _LONGEST else f"…{x[1 - _LONGEST :]}" for x, _ in shown]
-            colours = [style.BLUE if value >= 0.0 else style.VERMILION for _, value in shown]
-            axes.barh(range(len(shown)), [y for _, y in shown], color=colours, height=0.65)
-            axes.set_yticks(range(len(shown)), names)
-            axes.invert_yaxis()
-            axes.axvline(0.0, color=style.BLACK, lw=0.8)
-            axes.set_xlabel("change in % for 1 % more", loc="left")
-            axes.margins(x=0.08)
-    return charts
+# More curves would be no picture.
+_MOST_CURVES = 6
 
 
 def branch_charts(diagram: Mapping[str, Any] | None, units: Units) -> list[Chart]:

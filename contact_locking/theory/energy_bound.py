@@ -25,8 +25,8 @@ from contact_locking.certificate.penalty_error import (
 )
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.parallel import maximum, on_any_rank
-from contact_locking.theory.guaranteed.body import LARGEST_JUMP, Body, Gap, HybridSystem
-from contact_locking.theory.guaranteed.boundary import (
+from contact_locking.theory.equilibrated_stress import LARGEST_JUMP, Body, Gap, HybridSystem
+from contact_locking.theory.stress_data import (
     BalancedLoads,
     ContactTractions,
     balanced_forces,
@@ -36,7 +36,7 @@ from contact_locking.theory.guaranteed.boundary import (
     require_exact_gaps,
     require_straight_triangles,
 )
-from contact_locking.theory.guaranteed.triangles import (
+from contact_locking.theory.triangles import (
     Triangles,
     macro_element,
     product_integral,

@@ -24,8 +24,8 @@ from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.forms import ProblemData
 from contact_locking.results.derived import ContactFields
 from contact_locking.theory.constants import require_held
-from contact_locking.theory.guaranteed.body import Forces
-from contact_locking.theory.guaranteed.triangles import (
+from contact_locking.theory.equilibrated_stress import Forces
+from contact_locking.theory.triangles import (
     FACET_ENDS,
     MacroElement,
     Triangles,

@@ -17,18 +17,9 @@ from scipy.stats import chi2
 from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import InputError, NotConverged
+from contact_locking.errors import NotConverged
 from contact_locking.files import atomic
-from contact_locking.monitor import Monitor
-from contact_locking.parallel import on_root
-from contact_locking.plain_text import count, per_cent
-from contact_locking.results.folder import FIT, FIT_PICTURE, on_root_of, reserved
-from contact_locking.results.solution import Solution, summary_text
-from contact_locking.running.run import run
-from contact_locking.study_file.parameters import Parameters
-
-from .curves import Experiment, read_experiments
-from .estimate import (
+from contact_locking.inverse.estimate import (
     NO_INFLUENCE,
     UNDETERMINED,
     Combination,
@@ -37,8 +28,20 @@ from .estimate import (
     Variable,
     estimate,
 )
-from .model import Evaluation, Model
-from .starts import Begun, variables_of
+from contact_locking.inverse.model import (
+    Evaluation,
+    Experiment,
+    Model,
+    read_experiments,
+    variables_of,
+)
+from contact_locking.monitor import Monitor
+from contact_locking.parallel import on_root
+from contact_locking.plain_text import count, per_cent
+from contact_locking.results.folder import FIT, FIT_PICTURE, on_root_of, reserved
+from contact_locking.results.solution import Solution, summary_text
+from contact_locking.running.run import run
+from contact_locking.study_file.parameters import Parameters
 
 # A start at which a strain limit is nowhere reached is lowered to below the largest strain, at most
 # so often where other limits are reached before it.
@@ -52,23 +55,19 @@ def fit(
     directory: str | Path,
     comm: MPI.Intracomm = MPI.COMM_WORLD,
     monitor: Monitor | None = None,
-    begun: Begun | None = None,
 ) -> tuple[dict[str, Any], Solution]:
     """Fit numbers of a study file to its curves: the content of fit.json, and the last solution.
 
     ``directory`` gets the run at the numbers that were found, fit.json and fit.png; the runs of
     further experiments are in folders below it with the names of their files.  Evaluations stay in
-    ``directory``/evaluations, where a fit that was ended finds them.  ``begun`` is the best of
-    several searches, whose evaluations are found again.  Collective.  Raises InputError for data
-    or keys that cannot be used, and NotConverged without a solution at the start.
+    ``directory``/evaluations, where a fit that was ended finds them.  Collective.  Raises
+    InputError for data or keys that cannot be used, and NotConverged without a solution at the
+    start.
     """
     monitor, target = monitor or Monitor(), Path(directory)
-    if parameters.fit is not None and parameters.fit.starts > 1:
-        raise InputError("several searches take the command contact-locking fit", "fit.starts")
     experiments = on_root(comm, partial(read_experiments, parameters))
     variables = variables_of(parameters)
-    others = () if begun is None else (begun.folder,)
-    model = Model(parameters, experiments, (target, *others), comm)
+    model = Model(parameters, experiments, target, comm)
     search = Search(model, variables, monitor)
     for one in experiments:
         for name in one.unused:
@@ -76,7 +75,7 @@ def fit(
     found = search.run()
     solution = _final_runs(model, found, target, comm, monitor)
     fingerprint = on_root(comm, partial(study_file.fit_fingerprint, parameters))
-    content = search.content(found, [] if begun is None else begun.rows)
+    content = search.content(found)
     content |= {"version": __version__, "fingerprint": fingerprint}
     problem = on_root_of(comm, target, partial(_write, target, content))
     if problem:
@@ -279,9 +278,9 @@ class Search:
                     found.append(Compared(one, column, quantity, values[:, place], own))
         return found
 
-    def content(self, found: Estimate, starts: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:
-        """The content of fit.json; ``starts`` has a row for each of several searches."""
-        keys, told = self._keys, [*self._said, *about_starts(starts, found.misfit)]
+    def content(self, found: Estimate) -> dict[str, Any]:
+        """The content of fit.json."""
+        keys, told = self._keys, [*self._said]
         compared = self.compared(found.numbers)
         free = 1.0 - len(keys) / sum(len(one.data) for one in compared)
         for one in compared:
@@ -314,7 +313,6 @@ class Search:
             "converged": found.converged,
             "reason": found.reason,
             "words": told,
-            "starts": list(starts),
             "curves": [one.as_mapping() for one in compared],
         }
 
@@ -330,8 +328,6 @@ _OTHER_UNITS = 1e3
 # Residuals change their sign so much less often than noise, in standard deviations, if the model
 # lacks something.  It tells where they are this share of the largest of the data.
 _TOO_FEW, _NOISE = 2.6, 1e-3
-# Misfits that differ by this share are of the same end.
-_SAME = 0.01
 # Residuals that noise would make so rarely are no noise.
 _BY_CHANCE = 1e-3
 
@@ -387,21 +383,6 @@ def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
             "the start; are the units the same?"
         ]
     return []
-
-
-def about_starts(starts: Sequence[Mapping[str, Any]], misfit: float) -> list[str]:
-    """Whether several searches end where the best of them does."""
-    ends = [row["misfit"] for row in starts]
-    here = sum(end is not None and end <= (1.0 + _SAME) * misfit for end in ends)
-    nowhere = sum(end is None for end in ends)
-    if here == len(ends):
-        return []
-    told = [f"{here} of {len(ends)} searches ended at the least misfit"]
-    if elsewhere := len(ends) - here - nowhere:
-        told.append(f"{elsewhere} at other numbers with larger ones")
-    if nowhere:
-        told.append(f"{nowhere} without a solution")
-    return [", ".join(told)]
 
 
 def about_residuals(

@@ -23,7 +23,7 @@ from contact_locking.parallel import maximum, minimum
 from contact_locking.results.contact_points import OPEN
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, SolverReport, Task, stage_of
-from contact_locking.theory.equilibria.bound_map import (
+from contact_locking.theory.bound_map import (
     BoundMap,
     Branch,
     BranchPoint,
@@ -329,7 +329,7 @@ _REAL, _NONE = 1e-8, 1e-6
 def critical_friction(state: SolvedState) -> dict[str, Any]:
     """``min {t > 0: I - t Phi'(G) is singular}`` at the bounds G of a solution; collective.
 
-    Phi is the map of :mod:`contact_locking.theory.equilibria.bound_map`, for the coefficient mu.
+    Phi is the map of :mod:`contact_locking.theory.bound_map`, for the coefficient mu.
     With ``t mu`` in the place of mu, and the same points that stick, slip and are open, the
     linearised problem has more than one solution: the eigenvalue problem of Hassani, Hild,
     Ionescu and Sakki (doi:10.1016/S0045-7825(03)00419-5).  ``share`` is t, None if no t is

@@ -1,1 +1,0 @@
-"""Fits of numbers of a study file to measured curves."""
