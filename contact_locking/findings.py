@@ -25,17 +25,12 @@ TEXTS = {
     "foundation.open": "{file}: the surface is open, {count} edges have one triangle only; the "
     "tool is behind the triangles, and the body must not reach around the rim",
     "foundation.double_corners": "{count} corners stand twice in a row",
-    "foundation.turned": "it is that of a die, whose hole is inside of the outline, but the body "
-    "is not in the hole; the other side was taken: {turn}",
     "foundation.right_angles": "the surface of the foundation is at right angles to Gamma_C "
     "everywhere, so that it cannot press; turn it, or name a boundary part that faces the "
     "foundation",
     "foundation.gradient": "the length of its gradient is between {low:.3g} and {high:.3g} on "
     "Gamma_C, and that of a distance is 1; the expression was divided by the length, which is the "
     "distance near its zeros only",
-    "foundation.distance": "along contact_normal the gap falls by {low:.3g} to {high:.3g} per "
-    "length near Gamma_C, and a distance by 1: a body touches too early or too late; give a "
-    "distance, or LevelSet, which divides by the length of a gradient",
     "foundation.end": "a part of Gamma_C lies beyond the end of the open foundation, whose rim is "
     "nearest there; let the foundation reach beyond the body",
     "gap.inside": "all of the body lies inside the foundation, Gamma_C at least {depth:.3g} deep; "

@@ -49,8 +49,6 @@ _SIDEWAYS = 0.2
 _ALONG = 1e-9
 # A gradient that is shorter, or longer by the inverse, is not that of a distance.
 _LEAST_SLOPE = 0.8
-# The slope of an own gap is its difference over this share of the extent of the body.
-_STEP = 1e-5
 # The normals of an own foundation have the length 1 to this tolerance.
 _UNIT = 1e-6
 # A gradient that is shorter than this share of the longest one is zero with rounding.
@@ -152,18 +150,6 @@ def _check_own(body: Distance, x: FloatArray) -> None:
             raise InputError(f"its {name} must be {expected}, and is {values[first]:.3g} at ({at})")
 
 
-def _slope_of_own(body: Distance, x: FloatArray, step: float) -> FloatArray:
-    """``-d phi/d nu`` (k,) by the difference to that side where it is nearer to 1.
-
-    On the other side the point that is nearest may lie on another face of the foundation.
-    """
-    way, gap = step * body.contact_normal(x), body.gap(x)
-    slopes = np.stack([gap - body.gap(x + way), body.gap(x - way) - gap]) / step
-    # A gap need not be finite beside Gamma_C.
-    nearer = np.argmin(np.nan_to_num(np.abs(slopes - 1.0), nan=np.inf), axis=0)
-    return np.asarray(slopes[nearer, np.arange(len(gap))])
-
-
 class RigidFoundation(PlacedFoundation):
     """A foundation with a shape, at rest or with a prescribed motion from rest.
 
@@ -187,9 +173,6 @@ class RigidFoundation(PlacedFoundation):
             raise InputError(str(error), self._place) from error
         self.is_plane, self.is_distance = self._shape.is_plane, self._shape.is_distance
         self.is_timed = self.moves = self._shape.is_timed or self._moved is not None
-        # A body is judged once, at its first place, whether its orientation fits that of the
-        # deformable body.
-        self._is_oriented = False
         self._shape_findings = [finding.at(self._place) for finding in self._shape.findings]
 
     @property
@@ -245,14 +228,6 @@ class RigidFoundation(PlacedFoundation):
                 raise InputError(_NO_GRADIENT, self._key)
         outward = surface.body_normals()
         facing = np.sum(normals * outward, axis=1)
-        if not self._is_oriented:
-            self._is_oriented = True
-            if self._is_reversed(surface, gap, facing):
-                assert isinstance(self._shape, FacetedFoundation)
-                turn, self._shape = self._shape.turn, self._shape.reversed()
-                turned = Finding("foundation.turned", self._place, turn=turn)
-                self._shape_findings.append(turned)
-                return self.at_nodes(surface)
         turn, inside = self._shape.turn, gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
         # outside of the foundation and never gets there, but keeps the distance as well.
@@ -276,23 +251,6 @@ class RigidFoundation(PlacedFoundation):
             behind = _BEHIND.format(on=self._key.removesuffix("foundation") + "on")
             raise Misplaced(behind + self._shape.turn_normal, self._key)
         return gap, normals
-
-    def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
-        """Whether a closed shape is a die by its orientation, but not around the body; collective.
-
-        A die has a negative area or volume, and the body is in its hole.  A body that the die
-        presses from all sides may have all nodes inside of the die, but then the die faces them.
-        """
-        body = self._body
-        if not isinstance(body, FacetedFoundation) or (body.content or 1.0) > 0.0:
-            return False
-        domain = surface.domain
-        places = domain.mesh.geometry.x[:, : domain.dim].T
-        inside = self._evaluated(self.now.gap, places) < 0.0
-        in_all = domain.comm.allreduce(np.array([inside.sum(), len(inside)], dtype=float))
-        return bool(2.0 * in_all[0] > in_all[1]) and not _most(
-            surface, facing > _SIDEWAYS, gap < 0.0
-        )
 
     def _way_out(
         self,
@@ -350,14 +308,6 @@ class RigidFoundation(PlacedFoundation):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
                 add("gradient", low=low, high=high)
-        if isinstance(self._shape, OwnShape):
-            # Where the foundation is far away the body does not get to it.
-            near = surface.points[np.abs(gap) <= surface.domain.extent].T
-            at_rest, step = self.motion().origin(near), _STEP * surface.domain.extent
-            slope = self._evaluated(lambda x: _slope_of_own(body, x, step), at_rest)
-            low, high = -maximum(comm, -slope, -np.inf), maximum(comm, slope)
-            if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                add("distance", low=low, high=high)
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
             add("end")
         extent = surface.domain.extent

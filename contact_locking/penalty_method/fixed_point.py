@@ -17,17 +17,6 @@ from contact_locking.errors import NotConverged
 from contact_locking.penalty_method.equations import Equations
 from contact_locking.solver.task import Task
 
-# So many updates tell how fast the changes shrink.
-_JUDGED = 10
-
-
-class Unsettled(NotConverged):
-    """The friction bound has not settled; ``change`` and ``contraction`` are the last ones."""
-
-    def __init__(self, message: str, change: float, contraction: float | None) -> None:
-        super().__init__(message)
-        self.change, self.contraction = change, contraction
-
 
 def fixed_point(
     task: Task, equations: Equations, solve: Callable[[float], None]
@@ -38,8 +27,7 @@ def fixed_point(
     passed, which is infinite at first.  Changes count relative to the norm of the bound, or to
     ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
     solve.  Returns the last change and the geometric mean of the ratios of successive changes, the
-    contraction factor.  Raises Unsettled after ``max_friction_updates``, or as soon as the changes
-    shrink too slowly to arrive by then.
+    contraction factor.  Raises NotConverged after ``max_friction_updates``.
     """
     settings, counts, bounds = task.settings, task.counts, task.system.bounds
     rubbing, changes = task.system.rubbing, list[float]()
@@ -57,18 +45,10 @@ def fixed_point(
         if changes[-1] <= settings.friction_tolerance:
             return changes[-1], contraction
         bounds.enter(rubbing, new)
-        if len(changes) > _JUDGED:
-            # Changes that shrink as the last ones do should arrive.
-            ratio = (changes[-1] / changes[-1 - _JUDGED]) ** (1.0 / _JUDGED)
-            updates = settings.max_friction_updates - len(changes)
-            if changes[-1] * ratio**updates > settings.friction_tolerance:
-                break
     factor = "" if contraction is None else f", contraction factor {contraction:.2f}"
-    raise Unsettled(
+    raise NotConverged(
         f"the friction bound still changes by {changes[-1]:.1e} of itself after "
-        f"{len(changes)} updates{factor}",
-        changes[-1],
-        contraction,
+        f"{len(changes)} updates{factor}"
     )
 
 

@@ -8,7 +8,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.laws.penalty import Penalty
 from contact_locking.penalty_method.continuation import PenaltyPath, follow
 from contact_locking.penalty_method.equations import Equations
-from contact_locking.penalty_method.fixed_point import Unsettled, fixed_point
+from contact_locking.penalty_method.fixed_point import fixed_point
 from contact_locking.penalty_method.newton import Newton
 from contact_locking.solver.explain import BOUND_WAY_OUT
 from contact_locking.solver.task import Outcome, SavedState, SolverReport, Task, stage_of
@@ -18,8 +18,6 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 # (26) is solved more sharply than the last change of the friction bound by the first factor, at the
 # first bound to the second one, and no more sharply than the tolerance by the third.
 _SHARE_OF_CHANGE, _FIRST, _SHARPEST = 1e-2, 1e-3, 0.1
-# Steps for one penalty from a saved state: where these do not arrive, the whole continuation does.
-_FROM_SAVED = 30
 
 _WAY_OUT = "Try solver.method: auto, lower penalty.n or raise penalty.epsilon."
 
@@ -29,7 +27,7 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
 
     From a saved state it starts with the penalties of that state; where this fails, from nothing.
     """
-    equations, settings = Equations(task.system), task.settings
+    equations = Equations(task.system)
     stages: list[dict[str, float | int]] = []
     if saved is not None and saved.multipliers is not None:
         system = task.system
@@ -37,10 +35,9 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
         system.constraints.apply(system.u)
         for contact, forces in zip(system.contacts, saved.multipliers.contacts, strict=True):
             system.bounds[contact] = contact.friction_bound(system.u, forces.pressure)
-        few = task.with_settings(max_iterations=min(_FROM_SAVED, settings.max_iterations))
         path = PenaltyPath.onwards(saved.penalty, task.target)
         try:
-            outcome = _along(path, few, equations, stages)
+            outcome = _along(path, task, equations, stages)
             return SolverReport.solved(outcome, task.counts, stages=stages, from_saved=True)
         except NotConverged:
             task.system.clear()
@@ -48,10 +45,7 @@ def solve(task: Task, saved: SavedState | None = None) -> SolverReport:
     try:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
-        reached = Outcome(equations.multipliers())
-        if isinstance(failure, Unsettled):
-            reached = reached.settled(failure.change, failure.contraction)
-        known = vars(reached) | vars(task.counts)
+        known = vars(Outcome(equations.multipliers())) | vars(task.counts)
         way_out = f"{_WAY_OUT}  {BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
         return SolverReport(**known, reason=str(failure), suggestion=way_out, stages=stages)
     return SolverReport.solved(outcome, task.counts, stages=stages)

@@ -30,14 +30,13 @@ def _others(problem: DiscreteProblem) -> Iterator[tuple[str, str]]:
         yield "loads.displacements", "a body that contact or friction alone holds"
     if problem.data.own_energy is not None:
         yield "energy", "an energy of your own"
+    if not penalty.n < math.inf:
+        yield "penalty.n", "an infinite n"
     for contact in problem.contacts:
         if contact.against:
             yield f"{contact.key}.against", "a second body"
         if contact.is_free:
             yield f"{contact.key}.foundation", "a foundation that a force or a spring moves"
-    if not penalty.n < math.inf:
-        yield "penalty.n", "an infinite n"
-    for contact in problem.contacts:
         if not contact.regularisation > 0.0:
             yield contact.given.friction_key("regularisation"), "friction that is not smooth"
     if not penalty.epsilon > 0.0:

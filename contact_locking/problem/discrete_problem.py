@@ -151,10 +151,7 @@ class Body:
                 )
 
     def features(self, contacts: Sequence[Contact], clock: Clock) -> Iterator[Finding]:
-        """Findings about data that change between the points in use, but for loads; collective.
-
-        Raises InputError for a pole there.
-        """
+        """Findings about data that change between the points in use, but for loads; collective."""
         domain = self.domain
         every = np.arange(len(domain.parts), dtype=np.int32)
         for items, advice, relative in (

@@ -28,7 +28,6 @@ from contact_locking.fields.present import (
     Entities,
     LargestSoFar,
     PresentValue,
-    refuse_poles,
     rule,
 )
 from contact_locking.findings import TEXTS, Finding
@@ -165,8 +164,6 @@ _DEGREE, _HIGHER_DEGREE = 4, 6
 # A rule is good enough if the integrals over all cells or facets are right to this share of the
 # load.  A load of which the next share is uncertain is warned of, and the last share is refused.
 _ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
-# Integrals over so many cells or facets that differ most are looked at for poles.
-_SUSPECTS = 8
 
 
 class LoadOnMesh:
@@ -175,7 +172,7 @@ class LoadOnMesh:
     ``halvings`` says how often the rule of integration halves each cell or facet; it is the least
     with which the integrals are right at the present time and at some planned times.  The
     constructor and :meth:`advance` are collective, and raise InputError with the key and the point
-    for a value that is not finite, for a pole, and for a load that is mostly lost.
+    for a value that is not finite, and for a load that is mostly lost.
     """
 
     def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
@@ -277,15 +274,6 @@ class LoadOnMesh:
             if self.is_timed:
                 return 0.0, []
             return 0.0, [Finding("load.zero", self.key)]
-        if self.halvings or share > _ACCURATE:
-            coarse = self._sample(0, _DEGREE, time)
-            differences = np.linalg.norm(coarse.integrals - fine.integrals, axis=1)
-            suspects = np.argsort(-differences, kind="stable")[:_SUSPECTS].astype(np.int32)
-
-            def size(x: FloatArray) -> FloatArray:
-                return np.asarray(np.linalg.norm(self._at(x, time), axis=1))
-
-            agree(comm, lambda: refuse_poles(self._on, suspects, size, self.key))
         is_nodal = any(value.is_nodal for value in self._values)
         nodes = " (its table counts at the nodes alone)" if is_nodal else ""
         about: dict[str, Any] = {"place": where, "size": largest, "per_cent": 100.0 * share}

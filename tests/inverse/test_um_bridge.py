@@ -127,14 +127,6 @@ def test_a_wrong_request_is_answered_by_an_error(
     assert ask(f"{url}/InputSizes") == {"inputSizes": [3]}  # the server goes on
 
 
-def test_what_is_no_json_object_is_answered_by_an_error(url: str) -> None:
-    for body in (b"", b"{", b"[1]", b"null"):
-        with pytest.raises(urllib.error.HTTPError) as refused:
-            urllib.request.urlopen(urllib.request.Request(f"{url}/Evaluate", body), timeout=60)
-        assert refused.value.code == 400
-    assert ask(f"{url}/InputSizes") == {"inputSizes": [3]}
-
-
 @pytest.mark.parametrize(("key", "value"), [("sensitivities", None), ("adapt", {"tolerance": 0.1})])
 def test_a_study_that_no_server_can_answer_for_is_refused(key: str, value: Any) -> None:
     data = {**YAML(typ="safe").load(STUDY), key: value}

@@ -35,7 +35,6 @@ WRONG = [
     ("material.elasticity.poisson", 0.5),
     ("material.elasticity.lambda", 1),
     ("material.elasticity", {"lambda": 1, "mu": 0}),
-    ("material.elasticity", {"lambda": -1, "mu": 1}),
     ("material.elasticity", {"young": 1, "mu": 1}),
     ("material.elasticity.stiffness", [[1, 2], [2, 1]]),
     ("material.elasticity.stiffness", [[1, 0, 0], [0, 1], [0, 0, 1]]),
@@ -68,7 +67,6 @@ WRONG = [
     ("contact", {"gap": 0.1, "foundation": {"sphere": {"centre": [0, 0], "radius": 1}}}),
     ("friction.coefficient", -0.1),
     ("friction.coefficient", "0.3*t"),
-    ("friction.coefficient", True),
     ("friction.smoothing.kernel", "convolve"),
     ("penalty.n", 0),
     ("penalty.n", math.nan),
@@ -76,13 +74,12 @@ WRONG = [
     ("penalty.n", None),
     ("penalty.epsilon", math.inf),
     ("solver.max_iterations", 1.5),
+    ("solver.max_iterations", 10**400),
+    ("steps", {"to": 1}),
     ("penalty.n", 1e-200),
     ("solver.petsc", {"ksp_type": ["cg"]}),
-    ("solver", "penalty"),
-    ("output.directory", ""),
     ("title", 2024),
     ("mesh.builder", "bloc"),
-    ("mesh.dim", 4),
     ("mesh.size", [1, 1, 1]),
     ("mesh.geometry", {}),
     ("mesh", {"builder": "block", "file": __file__}),
@@ -90,7 +87,6 @@ WRONG = [
     ("mesh.file", "none.msh"),
     ("mesh", {"builder": "annulus", "outer": 2}),
     ("contact", {"gap": 0, "1": None}),
-    ("contact", {"0": {"gap": 0}}),
     ("locking_limit", 1),
     ("contact.foundation", {"plane": 1}),
     ("mesh.builder", "rectangle"),
@@ -107,6 +103,7 @@ WRONG = [
 STUDIES_WRONG = [
     {},
     {"vary": {"penalti.n": [1]}},
+    {"vary": {"study.vary": [1]}},
     {"vary": {"penalty.n.x": [1]}},
     {"vary": {"loads.tractions.first": [1]}},
     {"vary": {"penalty.n": 1}},
@@ -242,6 +239,7 @@ SECTIONS_WRONG: list[tuple[str, Any]] = [
     ("material.eigenstrain.value", eigenstrain(value=[[0.1, 0.2], 0.3])),
     ("material.eigenstrain.value", eigenstrain(value=[[0.1, 0.2, 0.0]] * 2)),
     ("material.eigenstrain.value.0.2", eigenstrain(value=[[1, 0, 1], [0, 1, 0], [1, 0, 1]])),
+    ("material.eigenstrain.value", eigenstrain(value=[0.1])),
     ("material.eigenstrain.on", eigenstrain(value=0.1, on="core")),
     ("material.eigenstrain.value", eigenstrain(value="0.1*t")),
     ("loads.springs.0.along", springs(along=[1])),
@@ -451,7 +449,7 @@ def test_a_mesh_file_is_relative_to_the_study_file(tmp_path: Path) -> None:
     (tmp_path / "body.msh").touch()
     assert load(path).parameters.mesh.file == str(tmp_path / "body.msh")
     (tmp_path / "folder").mkdir()
-    assert "is a folder" in refusal(path, "mesh: {file: folder}\n")
+    assert "is no file" in refusal(path, "mesh: {file: folder}\n")
 
 
 @pytest.mark.parametrize(("key", "value"), WRONG)

@@ -159,14 +159,12 @@ def test_an_open_tool_is_warned_of_and_its_rim_must_not_be_behind_the_body(tmp_p
     assert "reaches around the end of the open foundation" in said
 
 
-def test_a_closed_tool_that_is_inside_out_is_turned_with_a_warning(tmp_path: Path) -> None:
+def test_a_closed_tool_that_is_inside_out_is_refused_and_can_be_turned(tmp_path: Path) -> None:
     inverted = written(tmp_path, BELOW[:, ::-1])
-    (finding,) = warned(inverted)
-    assert finding.code == "foundation.turned" and "turned: true" in finding.numbers["turn"]
+    assert "turned: true" in refusal(inverted)
     assert warned({"surface": inverted["surface"] | {"turned": True}}) == []
     square = [[-2, -0.005], [-2, -3], [3, -3], [3, -0.005], [-2, -0.005]]
-    (finding,) = warned({"polyline": square[::-1]}, 2)
-    assert finding.code == "foundation.turned" and "reverse" in finding.numbers["turn"]
+    assert "reverse the corners" in refusal({"polyline": square[::-1]}, 2)
     assert warned({"polyline": square}, 2) == []
 
 

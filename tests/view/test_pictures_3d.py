@@ -143,7 +143,6 @@ def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
             "-9: is there a screen?",
         ),
         ("raise RuntimeError('no OpenGL')", "exit code 1: RuntimeError: no OpenGL"),
-        ("pass", "FileNotFoundError"),
         ("import sys; open(sys.argv[2], 'w').write('no pictures')", "Error: "),
     ],
 )
