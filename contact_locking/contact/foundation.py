@@ -11,8 +11,8 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
+from contact_locking.findings import Finding
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
@@ -49,8 +49,6 @@ _SIDEWAYS = 0.2
 _ALONG = 1e-9
 # A gradient that is shorter, or longer by the inverse, is not that of a distance.
 _LEAST_SLOPE = 0.8
-# The slope of an own gap is its difference over this share of the extent of the body.
-_STEP = 1e-5
 # The normals of an own foundation have the length 1 to this tolerance.
 _UNIT = 1e-6
 # A gradient that is shorter than this share of the longest one is zero with rounding.
@@ -121,8 +119,8 @@ class PlacedFoundation:
         """How far (k, d) it has moved since it was at ``before``, in limited values."""
         return np.zeros_like(surface.points)
 
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """Warnings about the present gap (k,) at the nodes."""
+    def findings(self, surface: ContactSurface, gap: FloatArray) -> list[Finding]:
+        """Findings about the present gap (k,) at the nodes; collective."""
         facets = Entities.of(surface.domain, self._dim - 1, surface.facets)
         advice, times = "refine the mesh there", self._clock.some_times
         return features(facets, self._present.value, self._key, advice, "range", times)
@@ -152,18 +150,6 @@ def _check_own(body: Distance, x: FloatArray) -> None:
             raise InputError(f"its {name} must be {expected}, and is {values[first]:.3g} at ({at})")
 
 
-def _slope_of_own(body: Distance, x: FloatArray, step: float) -> FloatArray:
-    """``-d phi/d nu`` (k,) by the difference to that side where it is nearer to 1.
-
-    On the other side the point that is nearest may lie on another face of the foundation.
-    """
-    way, gap = step * body.contact_normal(x), body.gap(x)
-    slopes = np.stack([gap - body.gap(x + way), body.gap(x - way) - gap]) / step
-    # A gap need not be finite beside Gamma_C.
-    nearer = np.argmin(np.nan_to_num(np.abs(slopes - 1.0), nan=np.inf), axis=0)
-    return np.asarray(slopes[nearer, np.arange(len(gap))])
-
-
 class RigidFoundation(PlacedFoundation):
     """A foundation with a shape, at rest or with a prescribed motion from rest.
 
@@ -187,10 +173,7 @@ class RigidFoundation(PlacedFoundation):
             raise InputError(str(error), self._place) from error
         self.is_plane, self.is_distance = self._shape.is_plane, self._shape.is_distance
         self.is_timed = self.moves = self._shape.is_timed or self._moved is not None
-        # A body is judged once, at its first place, whether its orientation fits that of the
-        # deformable body.
-        self._is_oriented = False
-        self._shape_warnings = [f"{self._place}: {text}" for text in self._shape.warnings]
+        self._shape_findings = [finding.at(self._place) for finding in self._shape.findings]
 
     @property
     def _body(self) -> Distance:
@@ -245,16 +228,6 @@ class RigidFoundation(PlacedFoundation):
                 raise InputError(_NO_GRADIENT, self._key)
         outward = surface.body_normals()
         facing = np.sum(normals * outward, axis=1)
-        if not self._is_oriented:
-            self._is_oriented = True
-            if self._is_reversed(surface, gap, facing):
-                assert isinstance(self._shape, FacetedFoundation)
-                turn, self._shape = self._shape.turn, self._shape.reversed()
-                self._shape_warnings.append(
-                    f"{self._place}: it is that of a die, whose hole is inside of the outline, but "
-                    f"the body is not in the hole; the other side was taken: {turn}"
-                )
-                return self.at_nodes(surface)
         turn, inside = self._shape.turn, gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
         # outside of the foundation and never gets there, but keeps the distance as well.
@@ -278,23 +251,6 @@ class RigidFoundation(PlacedFoundation):
             behind = _BEHIND.format(on=self._key.removesuffix("foundation") + "on")
             raise Misplaced(behind + self._shape.turn_normal, self._key)
         return gap, normals
-
-    def _is_reversed(self, surface: ContactSurface, gap: FloatArray, facing: FloatArray) -> bool:
-        """Whether a closed shape is a die by its orientation, but not around the body; collective.
-
-        A die has a negative area or volume, and the body is in its hole.  A body that the die
-        presses from all sides may have all nodes inside of the die, but then the die faces them.
-        """
-        body = self._body
-        if not isinstance(body, FacetedFoundation) or (body.content or 1.0) > 0.0:
-            return False
-        domain = surface.domain
-        places = domain.mesh.geometry.x[:, : domain.dim].T
-        inside = self._evaluated(self.now.gap, places) < 0.0
-        in_all = domain.comm.allreduce(np.array([inside.sum(), len(inside)], dtype=float))
-        return bool(2.0 * in_all[0] > in_all[1]) and not _most(
-            surface, facing > _SIDEWAYS, gap < 0.0
-        )
 
     def _way_out(
         self,
@@ -336,54 +292,33 @@ class RigidFoundation(PlacedFoundation):
         at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        warnings, comm = [*self._shape_warnings], self._comm
+    def findings(self, surface: ContactSurface, gap: FloatArray) -> list[Finding]:
+        findings, comm = [*self._shape_findings], self._comm
         body = self._body
+
+        def add(kind: str, key: str = self._place, **numbers: Any) -> None:
+            findings.append(Finding(f"foundation.{kind}", key, **numbers))
+
         if not self.moves:
             normals = self._evaluated(body.contact_normal, surface.points.T).T
             facing = np.sum(normals * surface.body_normals(), axis=1)
             if on_every_rank(comm, np.abs(facing) <= _ALONG):
-                warnings.append(
-                    f"{self._place}: the surface of the foundation is at right angles to Gamma_C "
-                    "everywhere, so that it cannot press; turn it, or name a boundary part that "
-                    "faces the foundation"
-                )
+                add("right_angles")
         if isinstance(body, LevelSetAt):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                warnings.append(
-                    f"{self._place}: the length of its gradient is between {low:.3g} and "
-                    f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
-                    "divided by the length, which is the distance near its zeros only"
-                )
-        if isinstance(self._shape, OwnShape):
-            # Where the foundation is far away the body does not get to it.
-            near = surface.points[np.abs(gap) <= surface.domain.extent].T
-            at_rest, step = self.motion().origin(near), _STEP * surface.domain.extent
-            slope = self._evaluated(lambda x: _slope_of_own(body, x, step), at_rest)
-            low, high = -maximum(comm, -slope, -np.inf), maximum(comm, slope)
-            if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                warnings.append(
-                    f"{self._place}: along contact_normal the gap falls by {low:.3g} to {high:.3g} "
-                    "per length near Gamma_C, and a distance by 1: a body touches too early or too "
-                    "late; give a distance, or LevelSet, which divides by the length of a gradient"
-                )
+                add("gradient", low=low, high=high)
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
-            warnings.append(
-                f"{self._place}: a part of Gamma_C lies beyond the end of the open "
-                "foundation, whose rim is nearest there; let the foundation reach beyond the body"
-            )
+            add("end")
         extent = surface.domain.extent
         if isinstance(body, FacetedFoundation):
             ratio = body.extent / extent
             if not 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
-                finding = Finding("foundation.size", self._place, size=body.extent, extent=extent)
-                warnings.append(finding)
+                add("size", size=body.extent, extent=extent)
         distance = -maximum(comm, -gap, -np.inf)
         if distance > extent:
-            finding = Finding("foundation.far", self._key, distance=distance, extent=extent)
-            warnings.append(finding)
-        return warnings
+            add("far", self._key, distance=distance, extent=extent)
+        return findings
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

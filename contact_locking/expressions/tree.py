@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -122,41 +122,16 @@ def ufl_operations() -> dict[str, Callable[..., Any]]:
     }
 
 
-# An argument may lie outside of the table by this share of its range, which is rounding.
-_ROUNDING = 1e-9
+class Table(Protocol):
+    """A function of one argument, NaN where it has no value."""
 
-
-@dataclass(frozen=True, eq=False)
-class Table:
-    """The values at ascending points, and linear between two points.
-
-    Outside of its points a table has no value.  Two tables are equal only if they are one.
-    """
-
-    name: str
-    points: npt.NDArray[np.float64]
-    values: npt.NDArray[np.float64]
-
-    def __call__(self, argument: Any) -> Any:
-        """The values at the given arguments, NaN where the table has none."""
-        low, high = self.points[0], self.points[-1]
-        room = _ROUNDING * (high - low)
-        inside = (argument >= low - room) & (argument <= high + room)
-        return np.where(inside, self.clamped(argument), np.nan)
+    def __call__(self, argument: Any) -> Any: ...
 
     def clamped(self, argument: Any) -> Any:
-        """The values at the given arguments, outside of the points that of the nearest point."""
-        return np.interp(argument, self.points, self.values)
+        """The values at arguments, that of the nearest point where there is none."""
 
     def slope(self, argument: Any) -> Any:
-        """The derivatives at the given arguments, at a point of the table the one to its right."""
-        slopes = np.diff(self.values) / np.diff(self.points)
-        place = np.searchsorted(self.points, argument, side="right") - 1
-        return slopes[np.clip(place, 0, len(slopes) - 1)]
-
-    def __str__(self) -> str:
-        """The name and the range of the table."""
-        return f"table '{self.name}' has values from {self.points[0]:.6g} to {self.points[-1]:.6g}"
+        """The derivatives at arguments."""
 
 
 NO_TABLES: Mapping[str, Table] = {}

@@ -24,6 +24,7 @@ from contact_locking import _compat
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Lookup
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import CellKind, lagrange, nodal_functions
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
@@ -41,11 +42,6 @@ _MOST_HALVINGS = {1: 7, 2: 5, 3: 3}
 _BENDS = 0.2
 # Data that change by less than this share of their size do so by rounding.
 _ROUNDING = 1e-12
-# A pole is looked for in so many entities, which are halved around the largest value so often.
-_SUSPECTS, _ZOOMS = 8, 30
-# Data that grow faster than with this power of the inverse distance have a pole; the powers of a
-# pole as 1/x, of a logarithm and of a square root are 1, 0 and 1/2.
-_POLE = 0.9
 _CELLS = {1: basix.CellType.interval, 2: basix.CellType.triangle, 3: basix.CellType.tetrahedron}
 # The corners of the children of a simplex, each the midpoint between two corners of the simplex.
 _CHILDREN = {
@@ -142,14 +138,13 @@ def features(
     relative_to: str = "all",
     times: Sequence[float] = (0.0,),
     **variables: Any,
-) -> list[str]:
-    """A warning about data with features that the points in use do not see; collective.
+) -> list[Finding]:
+    """The finding about data with features that the points in use do not see; collective.
 
     The points in use are the corners of facets and the midpoints of cells.  Data that are affine
     inside of an entity are seen.  Deviations are ``relative_to`` the largest size of the data in
     the entity (``each``), in all entities (``all``), or to the range of the data (``range``).
-    ``times`` are those of the sampling, and ``variables`` are values of further variables.  Raises
-    InputError for a pole.
+    ``times`` are those of the sampling, and ``variables`` are values of further variables.
     """
     if value.expression is None or value.is_constant:
         return []
@@ -158,14 +153,14 @@ def features(
         def values(x: FloatArray, time: float = time) -> FloatArray:
             return value.unchecked(x.T, time, **variables)
 
-        if warnings := _features(entities, values, key, advice, relative_to):
-            return warnings
+        if findings := _features(entities, values, key, advice, relative_to):
+            return findings
     return []
 
 
 def _features(
     entities: Entities, values: Values, key: str, advice: str, relative_to: str
-) -> list[str]:
+) -> list[Finding]:
     comm, dim = entities.domain.comm, entities.dim
     inner, _ = rule(dim, entities.halvings, 1)
     # The residual of a fit by an affine function.
@@ -193,20 +188,15 @@ def _features(
     if relative_to == "range" and size <= _ROUNDING * max(abs(least), abs(most)):
         return []
     share = bend / np.maximum(sizes if relative_to == "each" else size, 1e-300)
-    suspects = np.argsort(-share, kind="stable")[:_SUSPECTS].astype(np.int32)
-    suspects = suspects[share[suspects] > _BENDS]
-    agree(comm, lambda: refuse_poles(entities, suspects, values, key))
     worst = int(np.argmax(share)) if count else 0
     mine = (0.0, "", 0.0, 0.0)
     if count:
         mine = (share[worst], entities.domain.where(place[worst]), low[worst], high[worst])
-    top = max(comm.allgather(mine))
-    if top[0] > _BENDS:
-        return [
-            f"{key}: changes from {top[2]:.3g} to {top[3]:.3g} inside a {entities.name} near "
-            f"{top[1]}, where the mesh sees it at few points only; {advice}"
-        ]
-    return []
+    bent, at, smallest, largest = max(comm.allgather(mine))
+    if bent <= _BENDS:
+        return []
+    about: dict[str, Any] = {"entity": entities.name, "place": at, "advice": advice}
+    return [Finding("data.features", key, low=float(smallest), high=float(largest), **about)]
 
 
 def _filled(values: FloatArray) -> FloatArray:
@@ -223,40 +213,6 @@ def _filled(values: FloatArray) -> FloatArray:
     count = np.maximum(np.sum(counted, axis=1, keepdims=True), 1)
     means = np.sum(np.where(counted, values, 0.0), axis=1, keepdims=True) / count
     return np.where(counted, values, means)
-
-
-def refuse_poles(entities: Entities, suspects: IndexArray, values: Values, key: str) -> None:
-    """Raise InputError for data that grow without bound in some of the entities; not collective.
-
-    Each entity is halved again and again around the point with the largest value.
-    """
-    if not len(suspects):
-        return
-    dim = entities.dim
-    lattice, _ = rule(dim, 4 if dim == 1 else 3 if dim == 2 else 2, 1)
-    lattice = lattice - 1.0 / (dim + 1)
-    corners = entities.corners[suspects]
-    centre = np.full((len(corners), dim + 1), 1.0 / (dim + 1))
-    sizes = np.zeros((_ZOOMS, len(corners)))
-    for zoom in range(_ZOOMS):
-        shares = centre[:, None] + 0.5**zoom * lattice
-        x = np.einsum("kqc,kcd->kqd", shares, corners)
-        magnitudes = np.abs(values(x.reshape(-1, x.shape[2])).reshape(x.shape[:2]))
-        magnitudes[(shares.min(axis=2) < 0.0) | ~np.isfinite(magnitudes)] = -1.0
-        best = np.argmax(magnitudes, axis=1)
-        rows = np.arange(len(corners))
-        sizes[zoom], centre = magnitudes[rows, best], shares[rows, best]
-    third = _ZOOMS // 3
-    start, end = np.maximum(sizes[third], 1e-300), np.maximum(sizes[-1], 1e-300)
-    powers = np.log2(end / start) / (_ZOOMS - 1 - third)
-    worst = int(np.argmax(powers))
-    if powers[worst] > _POLE:
-        where = entities.domain.where(centre[worst] @ corners[worst])
-        raise InputError(
-            f"grows without bound near {where}, as at a pole; give an expression that stays "
-            "finite, as with min or max",
-            key,
-        )
 
 
 _HIDDEN = 1e-12

@@ -27,7 +27,7 @@ def require_file(path: Path, kind: str = "mesh file") -> None:
     This comes before a file is opened: to open a pipe would wait for a writer.
     """
     if not path.exists():
-        raise InputError(f"there is no {kind} {path}")
+        raise InputError(f"there is no {kind}: {path}")
     if not stat.S_ISREG(path.stat().st_mode):
         raise InputError(f"{path} is no file")
 

@@ -67,7 +67,7 @@ class Eigenstrain(Concept):
         (name, tensor), entries = self.tensor, list[tuple[list[Any], Any]]()
         for place, value in leaves(tensor, ()):
             # A function of points gives whole tensors, as an expression of UFL may.
-            is_whole = callable(value.data) and not place
+            is_whole = value.expression is None and callable(value.data) and not place
             shape = getattr(value.data, "ufl_shape", (3, 3) if is_whole else ())
             slots: list[Any] = [place]
             if not shape and len(place) < 2:  # a normal strain, or the number of all three

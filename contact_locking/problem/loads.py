@@ -28,9 +28,9 @@ from contact_locking.fields.present import (
     Entities,
     LargestSoFar,
     PresentValue,
-    refuse_poles,
     rule,
 )
+from contact_locking.findings import TEXTS, Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, minimum
 from contact_locking.problem.motions import null_motions
@@ -164,8 +164,6 @@ _DEGREE, _HIGHER_DEGREE = 4, 6
 # A rule is good enough if the integrals over all cells or facets are right to this share of the
 # load.  A load of which the next share is uncertain is warned of, and the last share is refused.
 _ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
-# Integrals over so many cells or facets that differ most are looked at for poles.
-_SUSPECTS = 8
 
 
 class LoadOnMesh:
@@ -174,7 +172,7 @@ class LoadOnMesh:
     ``halvings`` says how often the rule of integration halves each cell or facet; it is the least
     with which the integrals are right at the present time and at some planned times.  The
     constructor and :meth:`advance` are collective, and raise InputError with the key and the point
-    for a value that is not finite, for a pole, and for a load that is mostly lost.
+    for a value that is not finite, and for a load that is mostly lost.
     """
 
     def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
@@ -248,19 +246,19 @@ class LoadOnMesh:
             }
         return metadata
 
-    def advance(self) -> list[str]:
-        """Put the load to the present time, and return warnings; collective.
+    def advance(self) -> list[Finding]:
+        """Put the load to the present time, and return findings; collective.
 
         A load that depends on the time is put to zero where it is zero with rounding.
         """
         for value in self._values:
             value.refresh()
-        self._size, warnings = self._largest()
+        self._size, findings = self._largest()
         self._acts.value = float(not (self.is_timed and self._so_far.hides(self._size)))
-        return warnings
+        return findings
 
-    def _largest(self) -> tuple[float, list[str]]:
-        """The largest ``|g|`` at the points of cells or facets, and warnings; collective."""
+    def _largest(self) -> tuple[float, list[Finding]]:
+        """The largest ``|g|`` at the points of cells or facets, and findings; collective."""
         if not self._is_seen:
             return 0.0, []
         if self._constant:
@@ -275,31 +273,15 @@ class LoadOnMesh:
             # A load that depends on the time may be zero at times.
             if self.is_timed:
                 return 0.0, []
-            return 0.0, [
-                f"{self.key}: is zero at all points of the quadrature; is the load meant for "
-                "another place, or for a place smaller than the elements?"
-            ]
-        if self.halvings or share > _ACCURATE:
-            coarse = self._sample(0, _DEGREE, time)
-            differences = np.linalg.norm(coarse.integrals - fine.integrals, axis=1)
-            suspects = np.argsort(-differences, kind="stable")[:_SUSPECTS].astype(np.int32)
-
-            def size(x: FloatArray) -> FloatArray:
-                return np.asarray(np.linalg.norm(self._at(x, time), axis=1))
-
-            agree(comm, lambda: refuse_poles(self._on, suspects, size, self.key))
+            return 0.0, [Finding("load.zero", self.key)]
         is_nodal = any(value.is_nodal for value in self._values)
         nodes = " (its table counts at the nodes alone)" if is_nodal else ""
-        text = (
-            f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
-            f"resultant is uncertain by about {100.0 * share:.2g} %{nodes}: refine the mesh there, "
-            "or give a load that is wider"
-        )
+        about: dict[str, Any] = {"place": where, "size": largest, "per_cent": 100.0 * share}
         if share > _LOST:
-            raise InputError(text, self.key)
+            raise InputError(TEXTS["load.sharp"].format(nodes=nodes, **about), self.key)
         if share > _UNCERTAIN and not self._warned:
             self._warned = True
-            return largest, [f"{self.key}: {text}"]
+            return largest, [Finding("load.sharp", self.key, nodes=nodes, **about)]
         return largest, []
 
     def _apart(self, coarse: _Sample, fine: _Sample) -> float:

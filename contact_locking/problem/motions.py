@@ -260,6 +260,8 @@ class MotionsAtContact:
 _CUTS = 40
 # The share of the net work of loads and friction by which a slide may miss the most.
 _NEAR = 1e-4
+# A motion that friction does not stop keeps the rows before to this.
+_FEASIBLE = 1e-10
 # A scale that is zero is replaced by this number.
 _TINY = 1e-300
 
@@ -313,7 +315,9 @@ def _best(
     # Few bodies have free motions, and the import takes a tenth of a second.
     from scipy.optimize import linprog
 
-    result = linprog(-aim, A_ub=rows, b_ub=np.full(len(rows), room), bounds=bounds)
+    options = {"primal_feasibility_tolerance": _FEASIBLE}
+    room_of_rows = np.full(len(rows), room)
+    result = linprog(-aim, A_ub=rows, b_ub=room_of_rows, bounds=bounds, options=options)
     return (np.asarray(result.x), float(-result.fun)) if result.status == 0 else None
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,6 @@ from contact_locking.problem import forms
 from contact_locking.problem.loads import Springs, motions_past
 from contact_locking.problem.motions import (
     MotionsAtContact,
-    axes_of,
     describe_motion,
     dofs_of,
     driven_motion,
@@ -35,7 +34,6 @@ from contact_locking.supports.conditions import Constraints
 
 # A push that is less than this share of all work and all motion is rounding.
 _DIGITS = 1e-12
-# A push that exceeds what friction holds by less than this share does not prove a slide.
 _ROUNDING = 1e-6
 # The linear programmes see no smaller coefficient.
 _LEAST_MU = 1e-9
@@ -122,23 +120,15 @@ class GroupMotions:
         motion = loose_motion(self.normals, tangents, self.rubs, work)
         if motion is None:
             return
-        away, resultant = self._away(), self._resultant(work)
-        if away is not None and work @ away >= 0.0:
-            motion = away
-        words = self._words(motion)
         if not len(self.normals):
             why = "nothing holds the body"
         elif np.abs(self.normals @ motion).max() < 1e-6 * np.abs(self.normals).max():
             why = "it slides along the foundation"
-            if resultant is not None and np.any(resultant[0]):
-                words = f"translation along {axes_of(resultant[0])}"
-        elif resultant is not None:
-            why = "the loads tip the body over"
         else:
             why = "the loads do not press the body onto the foundation"
         raise InputError(
             "the displacement conditions leave a rigid motion free "
-            f"({words}): {why}; fix a boundary part, or a component of it, in "
+            f"({self._words(motion)}): {why}; fix a boundary part, or a component of it, in "
             "loads.displacements, or a direction in loads.supports",
             "loads.displacements",
         )
@@ -156,50 +146,22 @@ class GroupMotions:
             rows = [at.resistance(motion) for at in self.at_contacts]
             return np.vstack([of_rank for local in rows for of_rank in comm.allgather(local)])
 
-        resultant = self._resultant(self.work)
-        motion = self._lifted_slide(resultant, resistance)
-        if motion is None:
-            motion = unheld_motion(self.normals, resistance, self.work)
+        motion = unheld_motion(self.normals, resistance, self.work)
         if motion is None:
             return None
         what = "friction" if self.rubs.any() else "contact"
-        words = self._coulomb(resultant)
-        if words is None:
-            words = f"it is free to move (rigid motion: {self._words(motion)})"
+        words = f"it is free to move (rigid motion: {self._words(motion)})"
         mu = [maximum(comm, at.largest_coefficient()) for at in self.at_contacts]
         proof = "proved on this mesh"
         if any(0.0 < value < _LEAST_MU for value in mu):
             proof += f", coefficients below {_LEAST_MU:g} counted as zero"
         return f"{what} cannot hold the body, whatever the pressure ({proof}): {words}"
 
-    def _lifted_slide(
-        self,
-        resultant: tuple[FloatArray, float] | None,
-        resistance: Callable[[FloatArray], FloatArray],
-    ) -> FloatArray | None:
-        """A slide along the resultant that lifts as much as friction asks, if the loads drive it.
-
-        Collective.
-        """
-        away = self._away()
-        if away is None or resultant is None or not np.any(resultant[0]):
-            return None
-        slide = self._translation(resultant[0] / np.linalg.norm(resultant[0]))
-        lift = float(np.max(resistance(slide) @ slide, initial=0.0))
-        motion = slide + lift * away
-        return motion if self.work @ motion > _ROUNDING * float(self.work @ slide) else None
-
     def describe_slide(self) -> str | None:
-        """Resultants that break Coulomb's law, or a motion that the present friction bound allows.
+        """A motion that the present friction bound allows, in words; collective.
 
-        In words; collective.  The motion slides along the foundation, or else may leave it, too.
+        It slides along the foundation, or else may leave it, too.
         """
-        words = self._coulomb(self._resultant(self.work)) if self._knows_friction() else None
-        if words is not None:
-            return (
-                "friction cannot hold the body, by the resultants of the loads (no proof, as R "
-                f"moves the bound to other places): {words}"
-            )
         return self._unstopped(sliding_motions(self.normals), self.normals[:0]) or self._unstopped(
             np.eye(len(self.work)), self.normals
         )
@@ -235,60 +197,9 @@ class GroupMotions:
             f"{held / rate:.4g}"
         )
 
-    def _coulomb(self, resultant: tuple[FloatArray, float] | None) -> str | None:
-        """A resultant with ``T > mu N`` in words; collective."""
-        if resultant is None:
-            return None
-        along, pressing = resultant
-        mu = np.array([at.largest_coefficient() for at in self.at_contacts])
-        held = maximum(self._domain.comm, mu) * pressing
-        push = float(np.linalg.norm(along))
-        if push <= held * (1.0 + _ROUNDING):
-            return None
-        words = f"it slides along {axes_of(along)}, which needs {push:.4g}"
-        return f"{words}, and friction holds {held:.4g}"
-
     def _knows_friction(self) -> bool:
         """Whether the friction of all contacts is known before a solve; collective."""
         return all([at.knows_friction() for at in self.at_contacts])
-
-    def _normal(self) -> FloatArray | None:
-        """The normal (d,) of the foundation of one part, None if there are several; collective."""
-        normals, comm = [at.contact.normals[at.own] for at in self.at_contacts], self._domain.comm
-        every = np.concatenate([rows for part in normals for rows in comm.allgather(part)] or [[]])
-        is_one = len(self.parts) == 1 and every.size and np.ptp(every, axis=0).max() <= _ROUNDING
-        return every[0] if is_one else None
-
-    def _away(self) -> FloatArray | None:
-        """The translation (f,) away from a foundation that has one normal; collective."""
-        normal = self._normal()
-        if normal is None:
-            return None
-        motion = self._translation(-normal)
-        reached = self.normals @ motion
-        return motion if np.allclose(reached, -1.0, atol=_ROUNDING) else None
-
-    def _resultant(self, work: FloatArray) -> tuple[FloatArray, float] | None:
-        """The force (d,) of the loads along the foundation, and that onto it; collective.
-
-        ``work`` (f,) is the work of the loads.  None if conditions hold some motions, if a force
-        pushes a tool, if the foundation has several normals, or if the loads do not press onto it.
-        """
-        normal, is_free = self._normal(), self.free.shape[0] == self.free.shape[1]
-        if normal is None or self._domain.axisymmetric or not is_free:
-            return None
-        force = spin(np.asarray(np.linalg.solve(self.free.T, work)))[0][: len(normal)]
-        pressing = float(force @ normal)
-        is_pressed = pressing > _ROUNDING * np.linalg.norm(force)
-        return (force - pressing * normal, pressing) if is_pressed else None
-
-    def _translation(self, direction: FloatArray) -> FloatArray:
-        """The motion (f,) nearest to a translation along a direction (d,)."""
-        # A body of revolution can move along its axis alone, which is the last direction.
-        components = direction[-1:] if self._domain.axisymmetric else direction
-        target = np.zeros(len(self.free))
-        target[: len(components)] = components
-        return np.asarray(np.linalg.lstsq(self.free, target)[0])
 
     def _words(self, motion: FloatArray) -> str:
         """A motion (f,) of the part in words; collective."""
@@ -419,15 +330,13 @@ class Rigidity:
     def describe_slide(self) -> str | None:
         """A motion c that neither contact nor friction stops, in words, or None.
 
-        Three searches, for each part of the body:
+        Two searches, for each part of the body:
 
         - In equilibrium ``(f, c) = int p c_nu - sigma_tau . c_tau``.  Where mu does not depend on
           the slip and R has no negative entry, this is at most ``int p (c_nu + R* (mu |c_tau|))``
           for the pressure p >= 0.  So a motion with ``c_nu + R* (mu |c_tau|) <= 0`` at all nodes
           and ``(f, c) > 0`` proves that there is no equilibrium on this mesh, whatever the friction
           bound.
-        - The resultants T along and N onto a flat foundation with ``T > mu N`` break Coulomb's law
-          for the whole contact.  This proves nothing, as ``int R p`` is not ``int p``.
         - A motion that slides or lifts off, ``c_nu <= 0``, with ``(f, c) > int G |c_tau|`` proves
           for the present bound G alone that there is no equilibrium.
         """

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Iterator
 from functools import cached_property
@@ -14,6 +13,7 @@ from pydantic import BeforeValidator, Field, Tag, model_validator
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.shapes.shape import Shape
 from contact_locking.values.concept import (
     LIST,
@@ -25,7 +25,7 @@ from contact_locking.values.concept import (
     entry,
     hidden,
 )
-from contact_locking.values.kinds import Number, Positive, Switch, ToolFile, list_or, plain
+from contact_locking.values.kinds import File, Number, Positive, Switch, list_or, plain
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -59,10 +59,6 @@ class FacetedFoundation(Shape):
         """Whether the surface has no rim."""
 
     @abstractmethod
-    def reversed(self) -> FacetedFoundation:
-        """The surface with the foundation on its other side."""
-
-    @abstractmethod
     def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
         """The corners in a box (2, d), and points ``spacing`` apart of sharp edges: (c, d)."""
 
@@ -74,18 +70,6 @@ class FacetedFoundation(Shape):
     def extent(self) -> float:
         """The longest edge of the bounding box."""
         return float(np.ptp(self.facets, axis=(0, 1)).max())
-
-    @property
-    def content(self) -> float | None:
-        """``sum det(corners)/d!``: the area or volume inside, None if the surface is open.
-
-        It is negative if the foundation is around the surface, as a die is.
-        """
-        if not self.is_closed:
-            return None
-        dim = self.facets.shape[2]
-        middle = self.facets.mean(axis=(0, 1))
-        return float(np.linalg.det(self.facets - middle).sum()) / math.factorial(dim)
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -128,7 +112,7 @@ _Corners = Annotated[
     Tag(LIST),
 ]
 _CornersOrFile = Annotated[
-    _Corners | Annotated[ToolFile, Tag(TEXT)], list_or(TEXT), BeforeValidator(plain)
+    _Corners | Annotated[File, Tag(TEXT)], list_or(TEXT), BeforeValidator(plain)
 ]
 
 
@@ -180,9 +164,9 @@ class Polyline(FacetedFoundation):
         return line
 
     @property
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         twice = len(self.points) - len(self.corners)
-        return [f"{twice} corners stand twice in a row"] if twice else []
+        return [Finding("foundation.double_corners", count=twice)] if twice else []
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -202,9 +186,6 @@ class Polyline(FacetedFoundation):
     def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
         inside = np.all((self.corners >= box[0]) & (self.corners <= box[1]), axis=1)
         return np.asarray(self.corners[inside])
-
-    def reversed(self) -> Polyline:
-        return Polyline(self.corners[::-1])
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._signed(x)[0]
@@ -278,7 +259,7 @@ class TriangulatedSurface(FacetedFoundation):
 
     points: Any = hidden("points")
     triangles: Any = hidden("triangles")
-    file: ToolFile | None = entry(
+    file: File | None = entry(
         None, "an STL file or a height map (.csv, .npy), relative to the study file"
     )
     spacing: tuple[Positive, Positive] | None = entry(
@@ -316,11 +297,11 @@ class TriangulatedSurface(FacetedFoundation):
             comm, lambda: read_surface(path, self.scale, shift, self.turned, self.spacing)
         )
         surface = TriangulatedSurface(*read[:2])
-        surface.warnings.extend(read[2])
+        surface.findings.extend(read[2])
         return surface
 
     @cached_property
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         return []
 
     @property
@@ -376,9 +357,6 @@ class TriangulatedSurface(FacetedFoundation):
         is_rim[pairs] = is_rim[pairs + 1] = False
         cosine = np.sum(normals[pairs] * normals[pairs + 1], axis=1)
         return sides[is_rim], sides[pairs[cosine < _SHARP]]
-
-    def reversed(self) -> TriangulatedSurface:
-        return TriangulatedSurface(self.points, self.triangles[:, ::-1])
 
     @property
     def is_closed(self) -> bool:

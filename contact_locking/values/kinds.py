@@ -6,13 +6,13 @@ The bounds of numbers are pydantic's, so that the JSON schema has them; `wording
 from __future__ import annotations
 
 import math
-import os
+import operator
 import re
 import unicodedata
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
-from functools import partial
+from functools import partial, reduce
 from numbers import Real
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
@@ -23,9 +23,9 @@ from pydantic import (
     BeforeValidator,
     Discriminator,
     Field,
-    PlainValidator,
     Tag,
     ValidationInfo,
+    create_model,
 )
 from pydantic.json_schema import SkipJsonSchema
 from pydantic_core import core_schema
@@ -33,27 +33,26 @@ from pydantic_core import core_schema
 from contact_locking.arrays import SMALLEST
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, TIME, Table, parse
-from contact_locking.files.readable import require_size, similar
+from contact_locking.files.readable import require_file, similar
 
 from .concept import (
     LIST,
     PER_AXIS,
     SECTION,
+    TEXT,
     Concept,
-    Fault,
     Place,
     leaves,
     marked,
     place_of,
-    refuse_if,
     sections,
 )
+from .tabulated import Tabulated
 from .value import Value, show
 
 T = TypeVar("T")
 
 _Name = Annotated[str, Field(min_length=1)]
-_Components = Annotated[tuple[float, ...], Field(min_length=2)]
 
 
 def plain(value: Any) -> Any:
@@ -110,26 +109,12 @@ def _there(name: str, info: ValidationInfo) -> str:
     """The absolute path of a file, relative to the folder that is the context, if there is one."""
     if info.context is None:
         return name
-    file = str(Path(info.context).absolute() / name)
-    # Not Path.is_file, which raises for a name that no file can have.
-    if os.path.isfile(file):
-        return file
-    if os.path.isdir(file):
-        raise ValueError(f"is a folder: {file}")
-    if os.path.exists(file):
-        raise ValueError(f"is a pipe or a device, and no file: {file}")
-    raise ValueError(f"there is no such file: {file}{similar(Path(file))}")
-
-
-def _readable(name: str, info: ValidationInfo) -> str:
-    """`_there`, with the size of the file checked before anything reads it, also for a digest."""
-    file = _there(name, info)
-    if info.context is not None:
-        try:
-            require_size(Path(file))
-        except InputError as error:
-            raise ValueError(str(error)) from None
-    return file
+    file = Path(info.context).absolute() / name
+    try:
+        require_file(file, "such file")
+    except InputError as error:
+        raise ValueError(f"{error}{'' if file.exists() else similar(file)}") from None
+    return str(file)
 
 
 def _names(value: Any) -> tuple[str, ...]:
@@ -188,7 +173,6 @@ class ScalarRule(NamedTuple):
     variables: tuple[str, ...]
     infinite: bool = False
     bound: float | None = None
-    has_tables: bool = False
     has_ufl: bool = False
     above: float = -math.inf
     least: float = -math.inf
@@ -199,6 +183,11 @@ class ScalarRule(NamedTuple):
             return value
         if isinstance(value, float) and value == self.bound:
             return Value(value)
+        if isinstance(value, Tabulated):
+            try:
+                return Value.of(value, self.variables)
+            except InputError as error:
+                raise ValueError(str(error)) from None
         is_ufl = hasattr(value, "ufl_shape") and not hasattr(value, "value")
         if self.has_ufl if is_ufl else hasattr(value, "value") or callable(value):
             return Value(value)  # an expression of UFL, a constant of DOLFINx, or a function
@@ -211,7 +200,7 @@ class ScalarRule(NamedTuple):
                 value,
                 self.variables,
                 allow_infinite=self.infinite,
-                tables=tables if self.has_tables else {},
+                tables=tables,
                 numbers=numbers,
             )
             number = float(expression.numpy()) if expression.is_constant else None
@@ -260,52 +249,24 @@ class OneOf(NamedTuple):
 
     def __get_pydantic_core_schema__(self, base: Any, handler: Any) -> core_schema.CoreSchema:
         known = self.among(base)
-        choices = {
-            f"<one {name}>": handler.generate_schema(concept) for name, concept in known.items()
-        }
-        anything = core_schema.typed_dict_field(core_schema.any_schema(), required=False)
-        fields = {key: anything for concept in known.values() for key in concept.model_fields}
-        fields[self.tag] = core_schema.typed_dict_field(core_schema.literal_schema([*known]))
-        choices["<one of them>"] = core_schema.typed_dict_schema(fields, extra_behavior="forbid")
+        # It tells the known names where a mapping has none of them.
+        unknown = create_model("Unknown", **{self.tag: (Literal[tuple(known)], ...)})  # type: ignore
 
-        def name_of(value: Any) -> str:
-            tag = value.get(self.tag) if isinstance(value, dict) else getattr(value, self.tag, "")
-            return tag if isinstance(tag, str) and tag in known else "of them"
+        def choose(value: Any) -> str:
+            name = value.get(self.tag) if isinstance(value, dict) else getattr(value, self.tag, "")
+            return f"<one {name if isinstance(name, str) and name in known else 'of them'}>"
 
-        def belonging(value: Any) -> Any:
-            """The keys of a mapping that are not null; those of other choices are refused."""
-            if not isinstance(value, dict):
-                return value
-            name, stated = name_of(value), {k: v for k, v in value.items() if v is not None}
-            for key in stated if name in known else ():
-                having = [concept for concept, other in known.items() if key in other.model_fields]
-                if having and name not in having:
-                    message = f"belongs to {self.tag}: {' or '.join(having)}, and not to {name}"
-                    refuse_if([Fault((key,), message)])
-            return stated
-
-        union = core_schema.tagged_union_schema(choices, lambda value: f"<one {name_of(value)}>")
-        return core_schema.no_info_before_validator_function(belonging, union)
+        choices = [Annotated[concept, Tag(f"<one {name}>")] for name, concept in known.items()]
+        choices.append(Annotated[SkipJsonSchema[unknown], Tag("<one of them>")])  # type: ignore
+        union: Any = reduce(operator.or_, choices)
+        return handler.generate_schema(Annotated[union, Discriminator(choose)])
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
-        choices = schema["schema"]["choices"]
-        schemas = [handler(choice) for name, choice in choices.items() if name != "<one of them>"]
-        for choice in schemas:
+        whole: dict[str, Any] = handler(schema)
+        for choice in whole["oneOf"]:
             section = handler.resolve_ref_schema(choice)
             section["required"] = [*{self.tag: None, **dict.fromkeys(section.get("required", ()))}]
-        return {"oneOf": schemas}
-
-
-def _along(value: Any) -> Literal["normal"] | tuple[float, ...]:
-    value = plain(value)
-    if value is None or value == "normal":
-        return "normal"
-    if not isinstance(value, list | tuple):
-        raise ValueError(f"must be normal or a list of numbers, not {show(value)}")
-    direction = tuple(_finite(component) for component in value)
-    if max(map(abs, direction), default=0.0) < SMALLEST:
-        raise ValueError(f"must not be zero, it is {show(value)}")
-    return direction
+        return whole
 
 
 def _not_zero(value: tuple[T, ...]) -> tuple[T, ...]:
@@ -370,16 +331,15 @@ StepCount = Annotated[int, Field(strict=True, ge=1, le=100_000), BeforeValidator
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True), AfterValidator(_harmless)]
 File = Annotated[Text, AfterValidator(_there)]
-ToolFile = Annotated[Text, AfterValidator(_readable)]
 Names = Annotated[
     tuple[str, ...],
     BeforeValidator(_names, json_schema_input_type=_Name | tuple[_Name, ...]),
 ]
 Places = Annotated[Any, BeforeValidator(_places, json_schema_input_type=_Name | tuple[_Name, ...])]
 Along = Annotated[
-    Literal["normal"] | tuple[float, ...],
-    PER_AXIS,
-    PlainValidator(_along, json_schema_input_type=Literal["normal"] | _Components),
+    Annotated[Literal["normal"], Tag(TEXT)] | Annotated[Direction, Tag(LIST)],
+    list_or(TEXT),
+    BeforeValidator(lambda value: "normal" if value is None else plain(value)),
 ]
 Condition = Annotated[str, BeforeValidator(_condition)]
 
@@ -389,13 +349,13 @@ def _rule(*variables: str, **more: Any) -> ScalarRule:
 
 
 Scalar = Annotated[Value, _rule(has_ufl=True)]
-TimedScalar = Annotated[Value, _rule(TIME, has_tables=True)]
-TimeScalar = Annotated[Value, ScalarRule((TIME,), has_tables=True)]
+TimedScalar = Annotated[Value, _rule(TIME)]
+TimeScalar = Annotated[Value, ScalarRule((TIME,))]
 PositiveScalar = Annotated[Value, _rule(above=0.0, has_ufl=True)]
 PositiveScalarOrInfinite = Annotated[Value, _rule(above=0.0, infinite=True, has_ufl=True)]
 NegativeScalarOrInfinite = Annotated[Value, _rule(below=0.0, bound=-math.inf, has_ufl=True)]
 PoissonScalar = Annotated[Value, _rule(above=-1.0, below=0.5, has_ufl=True)]
-NonNegativeSlipScalar = Annotated[Value, _rule("s", has_tables=True, least=0.0)]
+NonNegativeSlipScalar = Annotated[Value, _rule("s", least=0.0)]
 _Whole = Annotated[SkipJsonSchema[Value], BeforeValidator(_of_script), Tag(SECTION)]
 ScalarDirection = Annotated[
     Annotated[tuple[Scalar, ...], AfterValidator(_not_zero), Tag(LIST)] | _Whole,
@@ -407,7 +367,7 @@ MandelMatrix = Annotated[
     list_or(SECTION),
     BeforeValidator(plain),
 ]
-Strain = Annotated[Value, _rule(TIME, has_tables=True, has_ufl=True)]
+Strain = Annotated[Value, _rule(TIME, has_ufl=True)]
 _Row = Annotated[
     Annotated[tuple[Strain, ...], Tag(LIST)] | Annotated[Strain, Tag(SECTION)], list_or(SECTION)
 ]

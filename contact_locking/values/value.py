@@ -17,26 +17,31 @@ from contact_locking.expressions import TIME, Expression, Lookup, parse
 from contact_locking.expressions.tree import value_and_gradient
 from contact_locking.plain_text import nearest
 
+from .tabulated import Tabulated
+
 
 @dataclass(frozen=True, eq=False)
 class Value:
     """``f(x, t)``, or ``f(x, s)`` of a slip s.
 
     ``data`` is what was written: a number, a text with an expression of x, y, z, t and tables, a
-    constant of DOLFINx, or a function of points (d, k) with values (k,).  ``expression`` is what a
-    number or a text means, None for the data of a script.
+    table, a constant of DOLFINx, or a function of points (d, k) with values (k,).  ``expression``
+    is what a number, a text or a table means, None for the data of a script.
     """
 
     data: Any
     expression: Expression | None = None
 
     @classmethod
-    def of(cls, data: Any) -> Value:
-        """The value of a number, a text, or data of a script."""
+    def of(cls, data: Any, variables: Sequence[str] = (*AXES, TIME)) -> Value:
+        """The value of a number, a text in some variables, a table, or data of a script."""
         if isinstance(data, Value):
             return data
+        if isinstance(data, Tabulated):
+            tables = {"table": data}
+            return cls(data, parse(f"table({data.argument})", variables, tables=tables))
         if isinstance(data, int | float | str):
-            return cls(data, parse(data, (*AXES, TIME)))
+            return cls(data, parse(data, variables))
         return cls(data)
 
     @cached_property
@@ -72,8 +77,7 @@ class Value:
         """
         values: Any = self.number
         if values is None and self.expression is not None:
-            places = dict(zip(AXES, points, strict=False))
-            values = self.expression.numpy(**places, **more, **{TIME: time})
+            values = self.expression.numpy(**_variables(points, time), **more)
         elif values is None:
             # A constant of DOLFINx can be called as well.
             is_constant = hasattr(self.data, "value")
@@ -93,16 +97,14 @@ class Value:
         ``tables`` has values (k,) that stand in for those of tables.
         """
         assert self.expression is not None
-        places = dict(zip(AXES, points, strict=False))
-        values = self.expression.unchecked(tables, **places, **more, **{TIME: time})
+        values = self.expression.unchecked(tables, **_variables(points, time), **more)
         return np.broadcast_to(values, points.shape[1:])
 
     def with_gradient(self, points: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
         """The values (k,) of an expression and its gradient (d, k) at points (d, k)."""
         assert self.expression is not None
         axes = AXES[: len(points)]
-        places: dict[str, Any] = {**dict(zip(axes, points, strict=True)), TIME: time}
-        return value_and_gradient(self.expression, axes, places)
+        return value_and_gradient(self.expression, axes, _variables(points, time))
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> core_schema.CoreSchema:
@@ -124,6 +126,10 @@ class Value:
 
     def __repr__(self) -> str:
         return repr(self.data)
+
+
+def _variables(points: FloatArray, time: float) -> dict[str, Any]:
+    return {**dict(zip(AXES, points, strict=False)), TIME: time}
 
 
 def vector_at(components: Sequence[Value], time: float) -> FloatArray:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 
+import contact_locking as cl
 from contact_locking import InputError, NotConverged, solve, solve_steps, study_file
-from contact_locking.expressions import Table, parse
+from contact_locking.expressions import parse
 from contact_locking.running.cases import cases_of
 from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping, load
@@ -51,7 +52,7 @@ def given(**changes: Any) -> dict[str, Any]:
 
 
 def test_a_table_is_linear_between_its_points_and_has_no_value_beyond() -> None:
-    table = Table("f", np.array([0.0, 1.0, 3.0]), np.array([0.0, 2.0, 0.0]))
+    table = cl.Tabulated([0, 1, 3], [0, 2, 0], name="f")
     expression = parse("1 + f(x)**2", ("x",), tables={"f": table})
     values = expression.numpy(x=np.array([0.0, 0.5, 1.0, 2.0, 3.0 + 1e-12]))
     assert values == pytest.approx([1.0, 2.0, 5.0, 2.0, 1.0])
@@ -97,9 +98,9 @@ def test_a_table_with_points_at_the_nodes_is_the_expression(folder: Path, degree
 @pytest.mark.parametrize(
     ("text", "changes", "key", "words"),
     [
-        ("t,force\n0,0\n0,1\n", {}, "over", "row 3: t = 0 follows 0; the arguments must ascend"),
-        ("t,force\n0,0\n1,nan\n", {}, "file", "row 3: 'nan' is no number"),
-        ("t,force\n0,0\n", {}, "file", "1 rows of numbers; 2 are the least"),
+        ("t,force\n0,0\n0,1\n", {}, "over", "must ascend, but 0 follows 0"),
+        ("t,force\n0,0\n1,nan\n", {}, "column", "number 2 is nan"),
+        ("t,force\n0,0\n", {}, "over", "at least 2 numbers"),
         ("", {}, "over", "no column 't'"),
         ("t,force\n0,0\n1,1\n", {"column": "forces"}, "column", "did you mean 'force'"),
         ("t;force\n0;0\n1;1\n", {}, "over", "semicolons between its columns"),
@@ -127,7 +128,7 @@ def test_a_file_that_is_no_table_is_refused_with_its_key(
         ({"tables": {"sin": TABLES["ramp"]}}, "tables.sin: is a name that expressions have"),
         ({"tables": None}, r"loads.tractions.0.value.1: .*unknown function 'ramp'"),
         ({"contact": {"on": "bottom", "gap": "ramp(x, 1)"}}, "takes 1 argument, not 2"),
-        ({"material": {"locking_limit": "profile(x)"}}, "unknown function 'profile'"),
+        ({"material": {"locking_limit": "profil(x)"}}, "did you mean 'profile'"),
         ({"steps": None}, "depends on the time t"),
         ({"tables": {**TABLES, "more": {"file": "ramp.csv", "over": "t"}}}, "tables.more.column"),
     ],
@@ -174,3 +175,50 @@ def test_paths_are_relative_to_the_study_file_in_its_cases_too(
     files = [(case.parameters.tables or {})["ramp"].file for case in found]
     assert files == [str(folder / "ramp.csv"), str(folder / "steep.csv")]
     assert len({case.name for case in found}) == 2
+
+
+def test_tables_give_the_same_numbers_in_a_script_and_in_a_study_file(folder: Path) -> None:
+    data = given(
+        contact={"on": "bottom", "gap": "profile(x)"},
+        friction={"coefficient": "100*profile(s)", "smoothing": {"kernel": "none"}},
+        material={"locking_limit": "wide(x)"},
+        tables=TABLES | {"wide": TABLES["profile"] | {"file": "wide.csv"}},
+        steps={"times": [0.25, 0.5]},
+    )
+    if MPI.COMM_WORLD.rank == 0:
+        (folder / "wide.csv").write_text("place,height\n0,0.03\n1,0.05\n")
+    MPI.COMM_WORLD.barrier()
+    parameters = from_mapping(data, folder)
+    *_, of_file = solve_steps(parameters)
+    profile, mesh = folder / "profile.csv", assemble(parameters, MPI.COMM_WORLD)
+    friction = cl.Tabulated([0, 0.5, 1], [0, 0.2, 0.2], "s")
+    contact = cl.Contact(
+        mesh.domain.facets(["bottom"]),
+        gap=cl.Tabulated.read(profile, "place", "height", "x"),
+        friction=cl.Coulomb(friction, smoothing=cl.Local()),
+    )
+    force = cl.Tabulated([0, 0.5, 1], [0, -0.05, 0])
+    problem = cl.ContactProblem(
+        cl.Elasticity(),
+        None,
+        [cl.Displacement(mesh.domain.facets(["left"]), [0, 0])],
+        [cl.StrainBall(cl.Tabulated([0, 1], [0.03, 0.05], "x"))],
+        [contact],
+        loads=[cl.Traction(mesh.domain.facets(["top"]), [0, force])],
+        space=mesh.u.function_space,
+    )
+    *_, of_script = cl.Process(problem, [0.25, 0.5])
+    expected = of_file.displacement.x.array
+    assert of_file.summary["contact_force"][1] > 0.01
+    assert of_script.displacement.x.array == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert of_file.summary["contact_force"] == pytest.approx(of_script.summary["contact_force"])
+
+
+@pytest.mark.serial
+def test_arrays_that_are_no_table_are_refused() -> None:
+    points: Any
+    values: Any
+    for points, values, key in ([[0, 1], [0, 1, 2], "values"], [[0, 0], [0, 1], "points"]):
+        with pytest.raises(InputError) as caught:
+            cl.Tabulated(points, values)
+        assert caught.value.key == f"Tabulated.{key}"

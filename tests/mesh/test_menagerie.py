@@ -199,6 +199,6 @@ def test_a_mesh_file_is_read_right_or_refused_with_the_way_out(name: str, tmp_pa
     found = {group.name: group.measure for group in groups(domain)}
     if expected.measures:
         assert found == pytest.approx(expected.measures)
-    told = " ".join(domain.warnings)
+    told = " ".join(domain.findings)
     assert expected.warning in told
     assert expected.warning or not told

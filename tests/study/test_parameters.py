@@ -140,6 +140,5 @@ HEAVY = [{"on": "top", "value": [0, -0.02]}, {"on": "right", "value": [0, 0.001]
 
 def test_the_label_of_a_case_names_every_key_that_varies() -> None:
     rows = [{"loads.tractions": load, "penalty.n": n} for load in (LIGHT, HEAVY) for n in (10, 20)]
-    written = "[{on: top, value: [0, -0.01]}, {on: right, value: [0, 0.001]}]"
-    assert labels(rows)[1] == f"loads.tractions = {written}, penalty.n = 20"
+    assert labels(rows)[1].endswith(" (value 1), penalty.n = 20")
     assert len(set(labels(rows))) == 4

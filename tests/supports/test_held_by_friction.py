@@ -48,19 +48,18 @@ def failure(parameters: Parameters) -> tuple[str, str]:
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-def test_a_push_above_mu_times_the_force_is_compared_with_it(dim: int) -> None:
+def test_a_push_above_mu_times_the_force_is_told_with_its_motion(dim: int) -> None:
     why, advice = failure(pushed(dim, 2.1))
-    needs, holds = (8.4, 8) if dim == 2 else (16.8, 16)
-    assert f"it slides along x, which needs {needs:g}, and friction holds {holds:g}" in why
+    assert "translation along x" in why
     assert "whatever the pressure (proved on this mesh)" in why
     assert "raise friction.coefficient" in advice and "lower friction" not in advice
 
 
-def test_resultants_prove_nothing_where_r_moves_the_bound() -> None:
+def test_where_r_moves_the_bound_it_is_that_which_the_solver_reached() -> None:
     """``int R p`` exceeds ``int p`` where the pressure gathers at the ends of Gamma_C."""
     why, advice = failure(pushed(2, 2.1, smoothing=_WIDE))
-    assert "no proof, as R moves the bound to other places" in why
-    assert "needs 8.4, and friction holds 8" in why and "lower friction" not in advice
+    assert "with the friction bound that the solver reached: it slides" in why
+    assert "which needs 8.4, and friction holds" in why and "lower friction" not in advice
     far, _ = failure(pushed(2, 3.0, smoothing=_WIDE))
     assert "whatever the pressure (proved on this mesh)" in far
 
@@ -80,13 +79,13 @@ def test_a_body_that_tips_is_told_about_which_edge(mu: float, unit: float) -> No
     mesh = {"builder": "block", "size": [unit, 3.0 * unit], "h": 0.5 * unit}
     with pytest.raises(InputError) as caught:
         assemble(pushed(2, 0.0, mu=mu, mesh=mesh, loads=loads), MPI.COMM_WORLD)
-    assert f"(rotation about ({unit:g}, 0)): the loads tip the body over" in str(caught.value)
+    assert f"(rotation about ({unit:g}, 0)): the loads do not press" in str(caught.value)
 
 
 @pytest.mark.parametrize("value", [[0.0, 1.0], [0.0, 0.0], [3.0, 1.0]])
 def test_a_body_that_nothing_presses_is_told_so(value: list[float]) -> None:
     loads = {"tractions": [{"on": "top", "value": value}]}
-    with pytest.raises(InputError, match=r"translation along y\): the loads do not press"):
+    with pytest.raises(InputError, match="the loads do not press"):
         assemble(pushed(2, 0.0, loads=loads), MPI.COMM_WORLD)
 
 

@@ -16,8 +16,8 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm
-from contact_locking.problem.affine_part import affine_part
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.problem.system import affine_part
 from contact_locking.solver.interior_point.contact_cones import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain

@@ -10,7 +10,6 @@ import itertools
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Self
 
-import numpy as np
 from pydantic import (
     AfterValidator,
     Field,
@@ -24,7 +23,7 @@ from pydantic import (
 
 from contact_locking.contact.contact import Contact, Coulomb
 from contact_locking.errors import InputError
-from contact_locking.expressions import POSITION, Table
+from contact_locking.expressions import POSITION
 from contact_locking.laws.penalty import PenaltyParameters
 from contact_locking.plain_text import nearest
 from contact_locking.process.settings import Adaptation, Steps
@@ -56,6 +55,7 @@ from contact_locking.values.kinds import (
     SCOPE,
     Count,
     Degree,
+    File,
     Names,
     Number,
     Positive,
@@ -65,7 +65,7 @@ from contact_locking.values.kinds import (
     expressions,
     list_or,
 )
-from contact_locking.values.table_file import TableFile
+from contact_locking.values.tabulated import Tabulated
 from contact_locking.values.value import Value
 
 
@@ -118,6 +118,24 @@ class SensitivityParameters(Concept):
     )
 
 
+class TableFile(Concept):
+    """Two columns of a CSV file, interpolated linearly between the rows."""
+
+    file: File = entry(..., "a CSV file with a row of column names, relative to the study file")
+    over: Text = entry(..., "the name of the column with the ascending arguments")
+    column: Text = entry(..., "the name of the column with the values")
+
+    def table(self, name: str = "") -> Tabulated:
+        """The table with its name.  Raises InputError for a file that cannot be used."""
+        return Tabulated.read(self.file, self.over, self.column, name=name)
+
+    def _faults(self) -> Iterator[Fault]:
+        try:
+            self.table()
+        except InputError as error:
+            yield Fault((error.key or "file",), str(error))
+
+
 def _no_characters(value: Any, place: Place = ()) -> Iterator[Place]:
     """The places of the texts with half of a surrogate pair."""
     if isinstance(value, str) and any("\ud800" <= letter <= "\udfff" for letter in value):
@@ -168,8 +186,7 @@ class Parameters(Concept):
     )
     tables: Annotated[dict[str, TableFile], _named("tables")] | None = entry(
         None,
-        "tables of numbers, used by name as functions of one argument, as ramp(t), in loads, gaps, "
-        "motions and friction",
+        "tables of numbers, used by name as functions of one argument, as ramp(t), in expressions",
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: Settings = entry(Settings(), "the nonlinear and linear solvers")
@@ -366,12 +383,12 @@ def _numbers(section: Any) -> dict[str, float]:
     return numbers
 
 
-def _tables(data: Any, folder: Any) -> dict[str, Table]:
-    """The tables that can be read; the others have no values, and are faults of their own."""
+def _tables(data: Any, folder: Any) -> dict[str, Tabulated]:
+    """The tables that can be read; others are zero, and faults of their own."""
     given = data.get("tables")
     tables = {}
     for name, section in given.items() if isinstance(given, dict) else ():
-        tables[str(name)] = Table(str(name), np.empty(0), np.empty(0))
+        tables[str(name)] = Tabulated([0.0, 1.0], [0.0, 0.0])
         with contextlib.suppress(ValidationError):
             tables[str(name)] = TableFile.model_validate(section, context=folder).table(name)
     return tables

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -110,27 +111,18 @@ def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
 
 _MOST_CHARACTERS = 72
 
-Text = Callable[[Any], str]
 
-
-def told_apart(values: Sequence[Any], text: Text = entry) -> list[str]:
-    """A short text for each value; different values have different texts.
-
-    Lists and mappings are written in brackets as in YAML, and ``text`` writes a number or a word.
-    Where it writes different values in the same way, as numbers that are rounded, `entry` writes
-    them; texts that are the same even so, as they are cut, are numbered.
-    """
-    names = list(map(repr, values))
-    distinct = dict(zip(names, values, strict=True))
-    texts_of: list[str] = []
-    for writer in (text, entry):
-        texts_of = [_cut(_written(value, writer)) for value in distinct.values()]
-        if len(set(texts_of)) == len(texts_of):
-            break
-    else:
-        texts_of = [f"{whole} (value {number})" for number, whole in enumerate(texts_of, start=1)]
-    texts = dict(zip(distinct, texts_of, strict=True))
-    return [texts[name] for name in names]
+def told_apart(values: Sequence[Any], text: Callable[[Any], str] = entry) -> list[str]:
+    """A short ``text`` for each value; texts that different values have in common are numbered."""
+    distinct = {repr(value): _cut(text(value)) for value in values}
+    shared = Counter(distinct.values())
+    if len(shared) < len(distinct) and text is not entry:  # as numbers that are rounded
+        return told_apart(values)
+    numbered = {
+        name: f"{words} (value {number})" if shared[words] > 1 else words
+        for number, (name, words) in enumerate(distinct.items(), start=1)
+    }
+    return [numbered[repr(value)] for value in values]
 
 
 def labels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -140,16 +132,6 @@ def labels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
         ", ".join(f"{key} = {texts[number]}" for key, texts in columns)
         for number in range(len(rows))
     ]
-
-
-def _written(value: Any, text: Text) -> str:
-    match value:
-        case dict():
-            pairs = (f"{key}: {_written(inner, text)}" for key, inner in value.items())
-            return f"{{{', '.join(pairs)}}}"
-        case list() | tuple():
-            return f"[{', '.join(_written(inner, text) for inner in value)}]"
-    return text(value)
 
 
 def _cut(text: str) -> str:
