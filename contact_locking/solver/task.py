@@ -15,6 +15,7 @@ from dolfinx import fem
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
+from contact_locking.findings import Finding
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.forms import ProblemData
@@ -195,7 +196,7 @@ class SolverReport(Outcome):
     forces balance the loads.  ``suggestion`` names the way out of a failure.  ``admissible_factor``
     brackets the largest multiple of the prescribed displacements that can be followed, if they
     cannot be.  ``from_saved`` says that a saved state was what the solution was reached from.
-    ``warnings`` say in words where another way was taken than the one asked for.
+    ``warnings`` say where another way was taken than the one asked for.
     """
 
     converged: bool = False
@@ -209,7 +210,7 @@ class SolverReport(Outcome):
     admissible_factor: tuple[float, float] | None = None
     from_saved: bool = False
     stages: Sequence[dict[str, float | int]] = ()
-    warnings: Sequence[str] = ()
+    warnings: Sequence[Finding] = ()
 
     @classmethod
     def solved(cls, found: Outcome, counts: Counts, **more: Any) -> SolverReport:
