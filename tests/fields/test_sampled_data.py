@@ -132,7 +132,6 @@ def test_a_jump_or_a_spot_inside_of_a_cell_or_facet_is_warned_of_once(name: str)
         {"friction__coefficient": "0.6 - 0.4*s/(s + 0.01)"},
         {"friction__coefficient": "0.3 if x < 0.4 else 0.1"},
         {"material__locking_limit": "0.01 + 0.09*y"},
-        {"material__locking_limit": "0.02 if x < 0.4 else 0.1"},
         {"material__locking_limit": "0.02 if x < 0.4 else inf"},
     ],
 )
