@@ -47,7 +47,7 @@ CHECKS = Seam()
 WORDS = Seam()
 #: ``(summary) -> list[row]``: a table for the terminal, empty without one.
 TABLES = Seam()
-#: ``(Solution, folder) -> list[str]``: draws into files of a run, and returns warnings; raises
+#: ``(Solution, folder) -> list[Finding]``: draws into files of a run, and returns findings; raises
 #: NoRoom; collective.
 PICTURES = Seam()
 

@@ -1,7 +1,26 @@
-"""Equilibrium of every free node, and balance of all forces and moments on the body."""
+"""Equilibrium of every free node, balance of forces and moments, and the energy balance of a step.
+
+The energy balance has the work of the loads, the stored energy and the work lost in friction:
+
+``N_k = W_k - (E_k - E_{k-1}) - D_k`` with its bounds and their proof is in docs/guides/steps.md.
+
+Bodies that are paired anew in a step have another room ``h_k`` by the new pairing, whose jump of
+``u_{k-1}`` the room has in W_k.  The lower bound holds as before.  The upper bound takes both
+states in one pairing, and is left out.
+
+The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance counts their work, and
+``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of all else and
+of the change ``e`` of eps_0: with the same D_k,
+
+    N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
+
+so that the distance of N_k to its lower bound, ``A(eps(d) - e)^2/2`` now, does not change.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -10,10 +29,13 @@ import ufl
 from dolfinx import fem
 
 from contact_locking.arrays import FloatArray, moments
+from contact_locking.certificate.laws import law_limit
 from contact_locking.certificate.solved_state import Criterion, SolvedState, reactions_by_part
 from contact_locking.fem import compiled
+from contact_locking.fem.compiled import assembled, integral
 from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING
+from contact_locking.results.derived import ContactFields
 
 # The residuals of the free nodes, up to the tolerance of the solver, may add up in the sum of all
 # forces and moments.  The limit of a balance is this multiple of the tolerance.
@@ -98,11 +120,11 @@ def nodal_forces(state: SolvedState) -> NodalForces:
     stress.x.array[:] = state.body.locking_stress.x.array
     of_energy, touching = np.zeros_like(load), np.zeros_like(load)
     if data.own_energy is not None:
-        of_energy = -compiled.assembled(forms.own_forces(u, v, data))
+        of_energy = -assembled(forms.own_forces(u, v, data))
     for contact in state.contacts:
         tractions = contact.traction - contact.pressure[:, None] * contact.normal
         touching += contact.surface.nodal_forces(tractions)
-    reacting = elastic + compiled.assembled(of_stress) - of_energy - load - touching
+    reacting = elastic + assembled(of_stress) - of_energy - load - touching
     return NodalForces(load, elastic, touching, of_energy, reacting)
 
 
@@ -175,3 +197,233 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
         size = max(abs(tool.force), magnitude, least)
         shares.append(imbalance / size if size > 0.0 else imbalance)
     return tuple(shares)
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One contact in equilibrium: nodal weights (k,), zero at held nodes, and what acts there.
+
+    ``displacement`` (k, d) are limited values, ``normal`` (k, d) is the contact normal, and
+    ``traction`` (k, d) is ``sigma_tau``; gap, pressure and friction bound are (k,).
+    """
+
+    weights: FloatArray
+    displacement: FloatArray
+    normal: FloatArray
+    gap: FloatArray
+    pressure: FloatArray
+    traction: FloatArray
+    bound: FloatArray
+
+    @classmethod
+    def of(cls, state: SolvedState, fields: ContactFields) -> Touch:
+        """The contact of a solved state."""
+        return cls(
+            weights=state.weights(fields),
+            displacement=fields.u_normal[:, None] * fields.normal + fields.u_tangent,
+            normal=fields.normal,
+            gap=fields.gap,
+            pressure=fields.pressure,
+            traction=fields.traction,
+            bound=fields.bound,
+        )
+
+    @classmethod
+    def at_rest(cls, state: SolvedState, fields: ContactFields) -> Touch:
+        """The contact before the first step, where an obstacle that would overlap touches."""
+        none, gap, weights = 0.0 * fields.gap, np.maximum(fields.gap, 0.0), state.weights(fields)
+        still = np.zeros_like(fields.normal)
+        return cls(weights, still, fields.normal, gap, none, still, none)
+
+    def room(self, displacement: FloatArray) -> FloatArray:
+        """``h(v) = gap - v . nu`` (k,) of a displacement v (k, d)."""
+        return np.asarray(self.gap - np.sum(displacement * self.normal, axis=1))
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A state at one time, for the energy balance with the next state.
+
+    ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.
+    ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
+    work that defects are relative to.  ``negligible`` is the norm of forces that the tolerance of
+    the solver does not tell from rounding.  ``eigenstrain`` has the local values of eps_0, and
+    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.  Out of equilibrium, as
+    after a restart with other data, the balance of the next step has no bounds.
+    """
+
+    displacement: FloatArray
+    forces: FloatArray
+    contacts: tuple[Touch, ...]
+    stored: float
+    work: float
+    negligible: float
+    eigenstrain: FloatArray
+    eigenstrain_energy: float
+    in_equilibrium: bool = True
+
+    @classmethod
+    def of(cls, state: SolvedState, in_equilibrium: bool = True) -> Moment:
+        """The moment of a state; collective."""
+        return cls(
+            displacement=state.problem.u.x.array.copy(),
+            forces=_external_forces(state),
+            contacts=tuple(Touch.of(state, fields) for fields in state.contacts),
+            stored=_stored(state),
+            work=state.work,
+            negligible=state.system.rounding.in_forces() / state.settings.tolerance,
+            eigenstrain=_eigenstrain(state).copy(),
+            eigenstrain_energy=_eigenstrain_energy(state, state.problem.u),
+            in_equilibrium=in_equilibrium,
+        )
+
+    @classmethod
+    def at_rest(cls, state: SolvedState) -> Moment:
+        """The body at rest before the first step, without forces; collective.
+
+        A foundation that overlaps the body in the first state touches the body here.
+        """
+        u, data = state.problem.u, state.problem.data
+        still_body = fem.Function(u.function_space)
+        forces: FloatArray = np.zeros_like(state.system.load)
+        stored = 0.0
+        if data.own_energy is not None:
+            v = ufl.TestFunction(u.function_space)
+            forces = assembled(forms.own_forces(still_body, v, data))[: len(forces)]
+            stored = integral(state.problem.domain, data.own_energy(still_body))
+        contacts = tuple(Touch.at_rest(state, fields) for fields in state.contacts)
+        nothing = np.zeros_like(_eigenstrain(state))
+        return cls(still_body.x.array.copy(), forces, contacts, stored, 0.0, 0.0, nothing, 0.0)
+
+
+@dataclass(frozen=True)
+class EnergyBalance:
+    """Work, energies and numerical dissipation of a step, and the bounds of the latter.
+
+    ``defect`` is how far the numerical dissipation lies outside of its bounds, relative to the work
+    of the states, of the nodal forces, or of what rounding makes of these, whichever is largest;
+    None without bounds.
+    """
+
+    work: float
+    stored: float
+    dissipated: float
+    numerical: float
+    defect: float | None
+
+    @classmethod
+    def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
+        """The balance that a row of history.csv has."""
+        defect = None if math.isnan(row["energy_defect"]) else row["energy_defect"]
+        return cls(row["work"], row["stored"], row["dissipated"], row["numerical"], defect)
+
+    def criteria(self, state: SolvedState) -> dict[str, Criterion]:
+        """The energy balance as a criterion of the certificate, if it has bounds."""
+        if self.defect is None:
+            return {}
+        meaning = "energy that a step creates or loses"
+        return {"energy_balance": Criterion(self.defect, law_limit(state), meaning)}
+
+
+def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, Moment]:
+    """The balance of the step from ``before`` to a solved state, and its moment; collective."""
+    after = Moment.of(state)
+    step = fem.Function(state.problem.u.function_space)
+    step.x.array[:] = after.displacement - before.displacement
+    moved = step.x.array[: len(after.forces)]
+    quadratic = state.system.forms.energy(step)
+    dissipated = sum(_friction_work(state, fields) for fields in state.contacts)
+    places = list(zip(state.contacts, before.contacts, after.contacts, strict=True))
+    resisted = sum(
+        state.sum(old.weights * old.bound * _slid(old, new, fields.drag))
+        for fields, old, new in places
+    )
+
+    def work_of(moment: Moment, at: Moment) -> float:
+        """The work of the forces of a moment, with the change of the room at a displacement."""
+        total = state.sum(moment.forces * moved)
+        for (fields, old, new), acting, placed in zip(
+            places, moment.contacts, at.contacts, strict=True
+        ):
+            place = fields.contact.state.place if fields.contact.pairs_anew else placed.displacement
+            opened = new.room(place) - old.room(placed.displacement)
+            total -= state.sum(acting.weights * acting.pressure * opened)
+            if fields.contact.moves:
+                total += state.sum(acting.weights * _dragged(acting, fields))
+        return total
+
+    work, earlier = work_of(after, before), work_of(before, after)
+    change = after.stored - before.stored
+    numerical = work - change - dissipated
+    highest = work - earlier - quadratic + resisted - dissipated
+    if any(fields.contact.pairs_anew for fields in state.contacts):
+        highest = math.inf
+    outside = max(quadratic - numerical, numerical - highest, 0.0)
+    size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
+    # A body that moves without being strained, or back from there, has forces of rounding.
+    negligible = max(before.negligible, after.negligible)
+    size = max(size, negligible * float(np.sqrt(state.sum(moved**2))))
+    for fields, _, acting in places:
+        if fields.contact.moves:
+            size = max(size, state.sum(np.abs(acting.weights * _dragged(acting, fields))))
+    defect = outside / size if size > 0.0 else outside
+    judged = defect if before.in_equilibrium else None
+    values = _eigenstrain(state)
+    values[:] -= before.eigenstrain
+    numerical += _eigenstrain_energy(state, step)
+    values[:] = after.eigenstrain
+    stored = after.stored + after.eigenstrain_energy
+    change = stored - before.stored - before.eigenstrain_energy
+    work = numerical + change + dissipated
+    return EnergyBalance(work, stored, dissipated, numerical, judged), after
+
+
+def _dragged(acting: Touch, fields: ContactFields) -> FloatArray:
+    """``sigma_tau . m`` (k,)."""
+    return np.asarray(np.sum(acting.traction * fields.drag, axis=1))
+
+
+def _slid(old: Touch, new: Touch, drag: FloatArray) -> FloatArray:
+    """``|(d - m)_tau|`` (k,), tangential to the foundation before the step."""
+    slid = new.displacement - old.displacement - drag
+    along = np.sum(slid * old.normal, axis=1)
+    return np.asarray(np.linalg.norm(slid - along[:, None] * old.normal, axis=1))
+
+
+def _friction_work(state: SolvedState, fields: ContactFields) -> float:
+    """``int -sigma_tau . (u_tau - u_{k-1,tau})``; collective."""
+    return state.sum(state.weights(fields) * -np.sum(fields.traction * fields.increment, axis=1))
+
+
+def _stored(state: SolvedState) -> float:
+    """``E``, with a user's own energy; collective."""
+    penalty, points = state.target.penalty, state.points
+    total = state.energy
+    if np.isfinite(penalty.n):
+        for law in points.sets:
+            excess = law.excess(law.measured(state.problem.u))
+            total += penalty.n * state.sum(points.weights * excess**2)
+    if penalty.epsilon > 0.0:
+        for fields in state.contacts:
+            entered = np.maximum(fields.u_normal - fields.gap, 0.0)
+            total += state.sum(state.weights(fields) * entered**2) / (2.0 * penalty.epsilon)
+    if state.problem.data.own_energy is not None:
+        total += integral(state.problem.domain, state.problem.data.own_energy(state.problem.u))
+    return total
+
+
+def _external_forces(state: SolvedState) -> FloatArray:
+    """Loads and reactions at the owned dofs; collective."""
+    balanced = nodal_forces(state).left[: len(state.system.load)]
+    return state.system.load + state.problem.constraints.held_part(balanced)
+
+
+def _eigenstrain(state: SolvedState) -> FloatArray:
+    """The local values of the eigenstrain, none without one."""
+    eigenstrain = state.problem.data.eigenstrain
+    return np.zeros(0) if eigenstrain is None else np.asarray(eigenstrain.values.x.array)
+
+
+def _eigenstrain_energy(state: SolvedState, w: fem.Function) -> float:
+    """``-(A eps_0, eps(w)) + (A eps_0, eps_0)/2`` with the present values; collective."""
+    return state.system.forms.eigenstrain_work(w) + state.system.forms.eigenstrain_energy()

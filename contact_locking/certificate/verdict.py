@@ -13,6 +13,7 @@ from contact_locking.certificate.indicator import ErrorIndicator, error_indicato
 from contact_locking.certificate.laws import entry_criterion, law_criteria
 from contact_locking.certificate.penalty_error import Lifting, NotApplicable, penalty_error
 from contact_locking.certificate.solved_state import Criterion, SolvedState
+from contact_locking.findings import Finding
 from contact_locking.results.output import Extras
 
 
@@ -29,7 +30,7 @@ class Proofs:
     errors: Mapping[str, Any] = field(default_factory=dict)
     complaint: str = ""
     reason: str = ""
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
-import gc
-import json
 import os
 import re
 import sys
@@ -22,7 +20,6 @@ from contact_locking._version import __version__
 from contact_locking.command import commands, terminal
 from contact_locking.command.terminal import is_root
 from contact_locking.errors import ContactLockingError, InputError, interrupt_behind
-from contact_locking.running import signals
 
 _DESCRIPTION = "Frictional contact of locking materials: solves the problem of a study file."
 _EXIT_CODES = (
@@ -199,9 +196,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     terminal.leave_together()
     if output is not None and output.refused and code == 0:
         code = UNEXPECTED
-    if argv is None:
-        # The interpreter would look for garbage among all objects before it frees them.
-        gc.freeze()
     return code
 
 
@@ -209,7 +203,7 @@ def _run_command(arguments: argparse.Namespace, program: bool = False) -> int:
     """Run a command; ``program`` says that the process was started for it alone."""
     arguments.program = program
     end_ranks = functools.partial(_end_ranks, arguments)
-    with signals.stoppable(end_ranks) if program else contextlib.nullcontext():
+    with terminal.stoppable(end_ranks) if program else contextlib.nullcontext():
         code = commands.COMMANDS[arguments.command](arguments)
     sys.stdout.flush()
     return code
@@ -219,7 +213,7 @@ def _interrupted(interrupt: KeyboardInterrupt, arguments: argparse.Namespace) ->
     said = str(interrupt) or "interrupted"
     if remains := getattr(arguments, "left", lambda: "")():
         said += f"\n{remains}"
-    return terminal.abort(signals.exit_code(interrupt), said)
+    return terminal.abort(terminal.exit_code(interrupt), said)
 
 
 def _end_ranks(arguments: argparse.Namespace, interrupt: KeyboardInterrupt) -> None:
@@ -246,31 +240,3 @@ def _unexpected(error: Exception) -> tuple[str, str]:
         text,
         "This is a defect; please report it with the study file and the output of --debug.",
     )
-
-
-def work() -> None:
-    """Run one command after the other, until standard input ends, as the worker of a study.
-
-    Each line of standard input is a JSON list: the log of a case, and the words of its command.
-    For each line the worker writes the exit code in a line of its standard output; what the command
-    prints goes to the log.  A worker that stays starts Python, MPI, PETSc and DOLFINx once, and a
-    case that ends the process ends the worker.
-    """
-    answers = os.dup(1)
-    nowhere = os.open(os.devnull, os.O_RDWR)
-    orders = os.fdopen(os.dup(0), encoding="utf-8")
-    # No case reads the orders.
-    os.dup2(nowhere, 0)
-    with signals.stoppable():
-        for order in orders:
-            log, *words = json.loads(order)
-            file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
-            for stream in (1, 2):
-                os.dup2(file, stream)
-            os.close(file)
-            code = main(words)
-            sys.stdout.flush()
-            sys.stderr.flush()
-            for stream in (1, 2):
-                os.dup2(nowhere, stream)
-            os.write(answers, f"{code}\n".encode())

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import gc
 import json
 import time
 from collections.abc import Iterator, Sequence
@@ -68,11 +67,10 @@ def new(arguments: argparse.Namespace) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
-    with _importing() if arguments.program else contextlib.nullcontext():
-        study = _load(arguments.file, _overrides(arguments))
-        comm = world_with_dolfinx(arguments)
-        from contact_locking.results import in_words
-        from contact_locking.running.run import run as solve_and_write
+    study = _load(arguments.file, _overrides(arguments))
+    comm = world_with_dolfinx(arguments)
+    from contact_locking.results import in_words
+    from contact_locking.running.run import run as solve_and_write
 
     parameters, directory = study.parameters, study.parameters.output.directory
     #: The remains of an interrupted run, in words.
@@ -103,14 +101,13 @@ def study(arguments: argparse.Namespace) -> int:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
     file = _load(arguments.file, _overrides(arguments))
-    from contact_locking.running.executor import Plan
-    from contact_locking.running.runner import Study, finish, summary_rows
+    from contact_locking.running.runner import Plan, Study, finish
 
     plan = Plan(arguments.jobs, arguments.ranks)
     with _explained(file):
         done = Study.of(file)
-        finish(done, file.parameters, plan, terminal.console())
-    print(terminal.columns(summary_rows(done, time.perf_counter() - began)))
+        finish(done, file.parameters, plan, terminal.say)
+    print(terminal.columns(done.rows(time.perf_counter() - began)))
     return CONVERGED if set(done.count()) == {"converged"} else NOT_CONVERGED
 
 
@@ -186,8 +183,8 @@ def check(arguments: argparse.Namespace) -> int:
         if comm.rank == 0 and cells > _MANY_CELLS:
             print(f"meshing, about {cells:.0e} cells", flush=True)
         facts = assembly.check(parameters, comm)
-    for warning in facts.pop("warnings"):
-        terminal.complain(f"warning: {warning}")
+    for finding in facts.pop("findings"):
+        terminal.complain(f"warning: {finding}")
     if comm.rank == 0:
         rows = [("mesh", parameters.mesh.file or str(parameters.mesh.builder))]
         table, held, size = (facts.pop(name) for name in ("groups", "held by", "compact dofs"))
@@ -257,17 +254,6 @@ def schema(arguments: argparse.Namespace) -> int:
 COMMANDS = {one.__name__: one for one in (new, run, study, fit, serve, report, check, mesh, schema)}
 
 
-@contextlib.contextmanager
-def _importing() -> Iterator[None]:
-    """Import modules without collections of garbage, now and later: their objects stay."""
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.freeze()
-        gc.enable()
-
-
 def _overrides(arguments: argparse.Namespace) -> list[str]:
     if arguments.output is None:
         return list(arguments.set)
@@ -302,12 +288,11 @@ def _solving(
     from contact_locking.results import folder as output_folder
 
     speaks = comm.rank == 0 and not arguments.quiet
-    shown: contextlib.AbstractContextManager[Monitor] = (
-        TerminalMonitor(terminal.console()) if speaks else contextlib.nullcontext(Monitor())
-    )
+    monitor = TerminalMonitor() if speaks else Monitor()
     reserved = output_folder.reserved(study.parameters.output.directory, comm)
-    with _explained(study), reserved, shown as monitor, petsc_complaints():
+    with _explained(study), reserved, petsc_complaints():
         yield monitor, speaks
+        monitor.finish()
 
 
 def _load(path: Path, overrides: Sequence[str]) -> StudyFile:

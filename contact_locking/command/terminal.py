@@ -1,4 +1,4 @@
-"""The texts that the command line prints, once, from rank 0, and the processes that solve."""
+"""The texts that the command line prints, once, from rank 0, and the process: MPI and signals."""
 
 from __future__ import annotations
 
@@ -11,19 +11,17 @@ import signal
 import sys
 import time
 import traceback
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from types import FrameType
+from typing import TYPE_CHECKING, Any
 
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.monitor import Monitor
 from contact_locking.plain_text import count, printable
-from contact_locking.running import signals
 
 if TYPE_CHECKING:
     from mpi4py import MPI
-    from rich.console import Console
 
 
 # Variables by which launchers tell a process that it may be one of several.
@@ -49,19 +47,6 @@ def is_root() -> bool:
     """Whether this is rank 0, or the only process."""
     comm = world()
     return comm is None or comm.rank == 0
-
-
-def console() -> Console:
-    """Standard output through rich; wide enough for long lines where it is no terminal.
-
-    Under a launcher the output counts as no terminal: Open MPI gives every process a
-    pseudo-terminal, whether the output ends on a terminal or in a file.
-    """
-    from rich.console import Console
-
-    if not _is_launched() and sys.stdout.isatty():
-        return Console(highlight=False)
-    return Console(highlight=False, width=120, force_terminal=False)
 
 
 def complain(text: str) -> None:
@@ -171,7 +156,7 @@ def world_with_dolfinx(arguments: argparse.Namespace) -> MPI.Intracomm:
         import petsc4py
 
         # PETSc's signal handlers would report a crash where a process is asked to end.
-        with signals.kept(signal.SIGPIPE):
+        with kept(signal.SIGPIPE):
             # A petscrc file in the folder of a study may hold options that run code.  The options
             # in PETSC_OPTIONS are the user's own.
             petsc4py.init(["contact-locking", "-skip_petscrc"])
@@ -235,57 +220,36 @@ def petsc_complaints() -> Iterator[None]:
         raise InputError(f"PETSc refuses an option: {str(error).splitlines()[-1]}") from error
 
 
-# After so many seconds without a line in a log, the next iteration prints one.  It leaves room for
-# an iteration in the ten seconds that a log of a long run is silent at most.
+# After so many seconds without a line an iteration prints one.
 _SILENCE = 5.0
 
 
+def say(text: str) -> None:
+    """Print a line."""
+    print(printable(text), flush=True)
+
+
 class TerminalMonitor(Monitor):
-    """A live line on a terminal; in a log, a line for each stage and friction update.
+    """A line for each message, stage, friction update and mesh.
 
-    Stages that take longer have further lines in a log, which show that the solve goes on.
-
-    Use it as a context manager; ``console`` is a ``rich.console.Console``.
+    Stages that take longer have further lines, which show that the solve goes on.
     """
 
-    def __init__(self, console: Any) -> None:
-        self._console = console
-        self._live = console.status("") if console.is_terminal else None
+    def __init__(self) -> None:
         self._step = self._stage = ""
-        self._iterations = 0
+        self._iterations = self._krylov = 0
         # Tangents and friction updates of the solve, and those of the stages before this one.
         self._counts = self._before = (0, 0)
-        self._detail = ""
         # None before the first iteration of a stage.
         self._residual: float | None = None
-        self._krylov = 0
         self._began = self._printed = time.perf_counter()
-
-    def __enter__(self) -> Self:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        if error is None:
-            self.finish()
-        if self._live is not None:
-            self._live.stop()
 
     def message(self, text: str) -> None:
         if text.startswith("warning"):
-            self._warn(text)
+            complain(text)
             return
         self.finish()
-        if self._live is not None:
-            self._live.update(self._plain(text))
-        else:
-            self._line(text)
+        self._line(text)
 
     def step(self, number: int, left: int, time: float) -> None:
         self.finish()
@@ -297,22 +261,17 @@ class TerminalMonitor(Monitor):
         self.finish()
         of = f"/{count_estimate}" if index <= count_estimate else ""
         self._stage = f"{self._step}stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
-        self._iterations, self._detail, self._krylov, self._residual = 0, "", 0, None
+        self._iterations, self._krylov, self._residual = 0, 0, None
         self._began = time.perf_counter()
-        self._refresh()
 
     def friction_update(self, k: int, change: float, factor: float | None) -> None:
         rate = "" if factor is None else f", contraction {factor:.2f}"
-        self._detail = f"friction update {k}: change {change:.1e}{rate}"
-        if self._live is None:
-            self._line(f"  {self._detail}")
-        self._refresh()
+        self._line(f"  friction update {k}: change {change:.1e}{rate}")
 
     def iteration(self, k: int, residual: float) -> None:
         # Iteration 0 begins a further solve within the stage.
         self._iterations += k > 0
         self._residual = residual
-        self._refresh()
         self._show_life()
 
     def linear(self, k: int) -> None:
@@ -342,17 +301,10 @@ class TerminalMonitor(Monitor):
         self._line(f"{self._stage}  {counts}{self._residual_in_words()}, {seconds:.1f} s")
         self._stage, self._before = "", self._counts
 
-    def _refresh(self) -> None:
-        if self._live is not None and self._stage:
-            now = f"iteration {self._iterations}{self._residual_in_words()}"
-            self._live.update(
-                self._plain("  ".join(filter(None, (self._stage, self._detail, now))))
-            )
-
     def _show_life(self) -> None:
-        """Print how far the stage is, where a log has been silent for long."""
+        """Print how far the stage is, where nothing has been printed for long."""
         now = time.perf_counter()
-        if self._live is not None or now - self._printed < _SILENCE or not self._stage:
+        if now - self._printed < _SILENCE or not self._stage:
             return
         krylov = f", {count(self._krylov, 'Krylov iteration')}" if self._krylov else ""
         done = f"iteration {self._iterations}{self._residual_in_words()}{krylov}"
@@ -363,20 +315,63 @@ class TerminalMonitor(Monitor):
 
     def _line(self, text: str) -> None:
         self._printed = time.perf_counter()
-        self._console.print(self._plain(text), soft_wrap=True)
+        say(text)
 
-    def _warn(self, text: str) -> None:
-        """Print to standard error, also if the output goes to a file."""
-        # While the line is live, rich redirects standard error.
-        if self._live is not None:
-            self._live.stop()
-        print(text, file=sys.stderr, flush=True)
-        if self._live is not None:
-            self._live.start()
 
-    @staticmethod
-    def _plain(text: str) -> Any:
-        # A Text takes brackets as they are, not as markup of rich; a live line has to be one line.
-        from rich.text import Text
+_ENDING = (signal.SIGTERM, signal.SIGHUP)
 
-        return Text(printable(text), no_wrap=True, overflow="ellipsis")
+
+class Stopped(KeyboardInterrupt):
+    """A signal other than that of Ctrl-C asked the process to end."""
+
+    def __init__(self, number: int) -> None:
+        self.signal = signal.Signals(number)
+        super().__init__(f"stopped by {self.signal.name}")
+
+
+@contextlib.contextmanager
+def stoppable(at_once: Callable[[KeyboardInterrupt], None] | None = None) -> Iterator[None]:
+    """Raise Stopped at SIGTERM, and at SIGHUP, which a terminal sends when it is closed.
+
+    ``at_once`` is called before, also at Ctrl-C, and may end the process.  An ignored signal, such
+    as SIGHUP under nohup, stays ignored.
+    """
+    handled = (*_ENDING, signal.SIGINT) if at_once is not None else _ENDING
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        # A second signal must not interrupt the cleaning up; SIGKILL still ends the process.
+        for ending in _ENDING:
+            signal.signal(ending, signal.SIG_IGN)
+        interrupt = KeyboardInterrupt() if number == signal.SIGINT else Stopped(number)
+        if at_once is not None:
+            at_once(interrupt)
+        raise interrupt
+
+    before = {number: signal.getsignal(number) for number in handled}
+    for number, handler in before.items():
+        if handler is not signal.SIG_IGN:
+            signal.signal(number, stop)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+@contextlib.contextmanager
+def kept(*others: signal.Signals) -> Iterator[None]:
+    """Restore the handlers of ``others``, SIGTERM and SIGHUP that a library may replace."""
+    before = {number: signal.getsignal(number) for number in (*_ENDING, *others)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            # None stands for a handler that was not installed from Python.
+            if handler is not None:
+                signal.signal(number, handler)
+
+
+def exit_code(interrupt: KeyboardInterrupt) -> int:
+    """128 plus the number of the signal: the exit code that a shell gives for an ended process."""
+    number = interrupt.signal if isinstance(interrupt, Stopped) else signal.SIGINT
+    return 128 + int(number)

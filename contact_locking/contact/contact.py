@@ -15,6 +15,7 @@ from pydantic import BeforeValidator, Tag, ValidationInfo, WrapValidator, create
 
 from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import InputError, with_key
+from contact_locking.findings import Finding
 from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.shapes import analytic as analytic
 from contact_locking.shapes import faceted as faceted
@@ -242,8 +243,8 @@ class Kernel(ABC):
         surface is smoothed alone (`ContactSurface.sides`).
         """
 
-    def warnings(self, surface: ContactSurface) -> list[str]:
-        """Warnings about data that the user probably did not intend; collective."""
+    def findings(self, surface: ContactSurface) -> list[Finding]:
+        """Findings about its data, with keys below its own; collective."""
         return []
 
 
@@ -281,16 +282,13 @@ class Mollifier(Concept, Kernel):
             return coulomb.HelmholtzOperator(comm, whole, surface.laplacian(sides), radius)
         return coulomb.ConvolutionOperator(comm, whole, radius)
 
-    def warnings(self, surface: ContactSurface) -> list[str]:
+    def findings(self, surface: ContactSurface) -> list[Finding]:
         size = surface.domain.facet_diameter(surface.facets)
         is_wide = self.radius is None or self.radius > size * (1.0 + _SIZE_ROUNDING)
         if is_wide or self.kernel == "none":
             return []
-        return [
-            f"radius: {self.radius:g} is not larger than the mesh size {size:.3g} on "
-            f"{', '.join(surface.names)}, so R hardly smooths; refine the mesh there or enlarge "
-            "the radius"
-        ]
+        on = ", ".join(surface.names)
+        return [Finding("smoothing.radius", "radius", radius=self.radius, size=size, on=on)]
 
 
 def Convolution(radius: float | None = None) -> Mollifier:

@@ -11,8 +11,8 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
+from contact_locking.findings import Finding
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
@@ -119,8 +119,8 @@ class PlacedFoundation:
         """How far (k, d) it has moved since it was at ``before``, in limited values."""
         return np.zeros_like(surface.points)
 
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        """Warnings about the present gap (k,) at the nodes."""
+    def findings(self, surface: ContactSurface, gap: FloatArray) -> list[Finding]:
+        """Findings about the present gap (k,) at the nodes; collective."""
         facets = Entities.of(surface.domain, self._dim - 1, surface.facets)
         advice, times = "refine the mesh there", self._clock.some_times
         return features(facets, self._present.value, self._key, advice, "range", times)
@@ -173,7 +173,7 @@ class RigidFoundation(PlacedFoundation):
             raise InputError(str(error), self._place) from error
         self.is_plane, self.is_distance = self._shape.is_plane, self._shape.is_distance
         self.is_timed = self.moves = self._shape.is_timed or self._moved is not None
-        self._shape_warnings = [f"{self._place}: {text}" for text in self._shape.warnings]
+        self._shape_findings = [finding.at(self._place) for finding in self._shape.findings]
 
     @property
     def _body(self) -> Distance:
@@ -292,42 +292,33 @@ class RigidFoundation(PlacedFoundation):
         at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
         return motion.place(self._body.sharp_points(at_rest, spacing).T).T
 
-    def warnings(self, surface: ContactSurface, gap: FloatArray) -> list[str]:
-        warnings, comm = [*self._shape_warnings], self._comm
+    def findings(self, surface: ContactSurface, gap: FloatArray) -> list[Finding]:
+        findings, comm = [*self._shape_findings], self._comm
         body = self._body
+
+        def add(kind: str, key: str = self._place, **numbers: Any) -> None:
+            findings.append(Finding(f"foundation.{kind}", key, **numbers))
+
         if not self.moves:
             normals = self._evaluated(body.contact_normal, surface.points.T).T
             facing = np.sum(normals * surface.body_normals(), axis=1)
             if on_every_rank(comm, np.abs(facing) <= _ALONG):
-                warnings.append(
-                    f"{self._place}: the surface of the foundation is at right angles to Gamma_C "
-                    "everywhere, so that it cannot press; turn it, or name a boundary part that "
-                    "faces the foundation"
-                )
+                add("right_angles")
         if isinstance(body, LevelSetAt):
             low, high = self._slopes(body, surface)
             if low < _LEAST_SLOPE or high > 1.0 / _LEAST_SLOPE:
-                warnings.append(
-                    f"{self._place}: the length of its gradient is between {low:.3g} and "
-                    f"{high:.3g} on Gamma_C, and that of a distance is 1; the expression was "
-                    "divided by the length, which is the distance near its zeros only"
-                )
+                add("gradient", low=low, high=high)
         if on_any_rank(comm, self._at_open_end(surface.points.T)):
-            warnings.append(
-                f"{self._place}: a part of Gamma_C lies beyond the end of the open "
-                "foundation, whose rim is nearest there; let the foundation reach beyond the body"
-            )
+            add("end")
         extent = surface.domain.extent
         if isinstance(body, FacetedFoundation):
             ratio = body.extent / extent
             if not 1.0 / _LARGE_RATIO < ratio < _LARGE_RATIO:
-                finding = Finding("foundation.size", self._place, size=body.extent, extent=extent)
-                warnings.append(finding)
+                add("size", size=body.extent, extent=extent)
         distance = -maximum(comm, -gap, -np.inf)
         if distance > extent:
-            finding = Finding("foundation.far", self._key, distance=distance, extent=extent)
-            warnings.append(finding)
-        return warnings
+            add("far", self._key, distance=distance, extent=extent)
+        return findings
 
     def _slopes(self, body: LevelSetAt, surface: ContactSurface) -> tuple[float, float]:
         """The least and the largest ``|grad f|`` at the nodes at present; collective."""

@@ -16,8 +16,8 @@ from contact_locking.contact.foundation import PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.findings import Finding
 from contact_locking.fields.present import Clock
+from contact_locking.findings import Finding
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
@@ -122,24 +122,24 @@ class NodalContact:
         if self.foundation.moves:
             self._put(self._gaps, normals)
 
-    def warnings(self) -> list[str]:
-        """Warnings about data that the user probably did not intend; collective."""
+    def findings(self) -> list[Finding]:
+        """Findings about its data; collective."""
         surface, domain = self.surface, self.surface.domain
-        warnings = surface.warnings()
+        findings = surface.findings()
         depth = -maximum(domain.comm, self._first_gap, -np.inf)
         # The whole body is inside if Gamma_C is at least as deep as the body is wide.
         if depth >= np.ptp(domain.bounding_box, axis=0).min():
             kind = "foundation" if self.foundation.has_shape else "gap"
-            warnings.append(Finding("gap.inside", f"{self.key}.{kind}", depth=depth))
-        warnings += self.foundation.warnings(surface, self._first_gap)
+            findings.append(Finding("gap.inside", f"{self.key}.{kind}", depth=depth))
+        findings += self.foundation.findings(surface, self._first_gap)
         smoothing = self.given.friction_key("smoothing")
-        warnings += [f"{smoothing}.{text}" for text in self._kernel.warnings(surface)]
+        findings += [x.at(f"{smoothing}.{x.key}") for x in self._kernel.findings(surface)]
         if self.foundation.has_shape and not self.moves:
-            warnings += self._overlap_warnings()
-        return warnings
+            findings += self._overlap()
+        return findings
 
-    def _overlap_warnings(self) -> list[str]:
-        """The warning about a curved foundation with friction that rests at its end; collective.
+    def _overlap(self) -> list[Finding]:
+        """The finding about a curved foundation with friction that rests at its end; collective.
 
         Where depths and normals differ the foundation has come with a part of its way along the
         body, which would be slip.  A press fit on a shaft has the normals of the body and one

@@ -32,6 +32,7 @@ from contact_locking.contact.surface import PRESCRIBED, ContactSurface, Frame
 from contact_locking.errors import InputError, Misplaced
 from contact_locking.fem.contact_operator import ContactOperator
 from contact_locking.fem.spaces import Element, facet_nodes
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.supports.conditions import Constraints
@@ -316,17 +317,13 @@ class PairedSurface(ContactSurface):
         np.add.at(sums, rows.row, products)
         return sums
 
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         one, two = (float(np.median(side.sizes())) for side in (self._one, self._two))
         ratio = (one / two) ** (1.0 / (self.domain.dim - 1))
         if ratio <= _COARSER:
             return []
         on, against = (", ".join(names or ()) for names in (self._given.on, self._given.against))
-        return [
-            f"{self._key}: the facets of {on} are {ratio:.2g} times as long as those of {against}, "
-            "and the conditions of contact hold at the nodes of on alone; let the finer side be "
-            f"on: {{on: {against}, against: {on}}}"
-        ]
+        return [Finding("contact.coarser", self._key, on=on, against=against, ratio=ratio)]
 
 
 def _side(

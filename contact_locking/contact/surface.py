@@ -23,6 +23,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.fem import compiled
 from contact_locking.fem.contact_operator import ContactOperator
 from contact_locking.fem.spaces import P1, ControlValues, Element, facet_nodes
+from contact_locking.findings import Finding
 from contact_locking.laws.elasticity import WeightedMeasure
 from contact_locking.mesh.distribution import marked, summed
 from contact_locking.mesh.domain import Domain, is_on_axis
@@ -296,8 +297,8 @@ class ContactSurface:
         """(k,) the nodes whose jump conditions leave free along the other body; collective."""
         return np.ones(len(self.nodes), dtype=bool)
 
-    def warnings(self) -> list[str]:
-        """Warnings about data that the user probably did not intend."""
+    def findings(self) -> list[Finding]:
+        """Findings about the sides of the surface."""
         return []
 
     def frame_at(self, displacement: FloatArray | None, must_face: bool = True) -> Frame | None:

@@ -24,6 +24,7 @@ from contact_locking import _compat
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Lookup
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import CellKind, lagrange, nodal_functions
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
@@ -137,8 +138,8 @@ def features(
     relative_to: str = "all",
     times: Sequence[float] = (0.0,),
     **variables: Any,
-) -> list[str]:
-    """A warning about data with features that the points in use do not see; collective.
+) -> list[Finding]:
+    """The finding about data with features that the points in use do not see; collective.
 
     The points in use are the corners of facets and the midpoints of cells.  Data that are affine
     inside of an entity are seen.  Deviations are ``relative_to`` the largest size of the data in
@@ -152,14 +153,14 @@ def features(
         def values(x: FloatArray, time: float = time) -> FloatArray:
             return value.unchecked(x.T, time, **variables)
 
-        if warnings := _features(entities, values, key, advice, relative_to):
-            return warnings
+        if findings := _features(entities, values, key, advice, relative_to):
+            return findings
     return []
 
 
 def _features(
     entities: Entities, values: Values, key: str, advice: str, relative_to: str
-) -> list[str]:
+) -> list[Finding]:
     comm, dim = entities.domain.comm, entities.dim
     inner, _ = rule(dim, entities.halvings, 1)
     # The residual of a fit by an affine function.
@@ -191,13 +192,11 @@ def _features(
     mine = (0.0, "", 0.0, 0.0)
     if count:
         mine = (share[worst], entities.domain.where(place[worst]), low[worst], high[worst])
-    top = max(comm.allgather(mine))
-    if top[0] > _BENDS:
-        return [
-            f"{key}: changes from {top[2]:.3g} to {top[3]:.3g} inside a {entities.name} near "
-            f"{top[1]}, where the mesh sees it at few points only; {advice}"
-        ]
-    return []
+    bent, at, smallest, largest = max(comm.allgather(mine))
+    if bent <= _BENDS:
+        return []
+    about: dict[str, Any] = {"entity": entities.name, "place": at, "advice": advice}
+    return [Finding("data.features", key, low=float(smallest), high=float(largest), **about)]
 
 
 def _filled(values: FloatArray) -> FloatArray:

@@ -17,6 +17,7 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_file
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import (
     HEXAHEDRON,
     QUADRILATERAL,
@@ -361,16 +362,16 @@ def _mesh(deck: Deck) -> MeshData:
     points = flat_points(deck.points, numbers, dim)
     mesh = MeshData(dim, points, numbers, cells)
     parts, empty = _parts(deck, CellFacets(mesh))
-    warnings = []
+    findings = []
     if any(block.nodes.shape[1] > kind.corners for block in body):
-        warnings.append("its cells of second order are taken by their corners, with straight sides")
+        findings.append(Finding("mesh.second_order"))
     others = deck.left_out + Counter({b.name: len(b.nodes) for b in deck.blocks if b.dim < dim})
     if others:
         listed = ", ".join(f"{count} {name}" for name, count in sorted(others.items()))
-        warnings.append(f"its elements of other kinds are left out: {listed}")
+        findings.append(Finding("mesh.other_elements", elements=listed, count=others.total()))
     if empty:
-        warnings.append(f"these sets have no facet on the boundary: {', '.join(empty)}")
-    return replace(mesh, facets=named_elements(kind.facet, parts), warnings=tuple(warnings))
+        findings.append(Finding("mesh.empty_sets", names=", ".join(empty)))
+    return replace(mesh, facets=named_elements(kind.facet, parts), findings=tuple(findings))
 
 
 def _regions(deck: Deck, dim: int, cells: IntArray) -> MeshElements:

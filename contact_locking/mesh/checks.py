@@ -12,6 +12,7 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import components, keys, longest_edges, signed_measures
 from contact_locking.mesh.data import MeshData, MeshElements, and_more, listed, point_words
 
@@ -33,14 +34,14 @@ Touching = tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]
 
 
 def checked(mesh: MeshData, touching: Touching = ()) -> MeshData:
-    """The mesh, whose groups of facets are those that bound the body, with warnings.
+    """The mesh, whose groups of facets are those that bound the body, with findings.
 
     Raises InputError if the mesh cannot be a body: for coordinates that are not finite, cells that
     occur twice, have collapsed, are folded, overlap or have no region, facets of three cells, parts
     that touch without shared nodes except ``touching`` ones, and nodes that hang on facets.
     """
     _check_arrays(mesh)
-    warnings = check_cells(mesh)
+    findings = [*mesh.findings, *check_cells(mesh)]
     facets = CellFacets(mesh)
     facets.check_neighbours()
     bare = mesh.cells.groups == 0
@@ -49,10 +50,9 @@ def checked(mesh: MeshData, touching: Touching = ()) -> MeshData:
             "it has cells outside every group (in Gmsh every physical group), such as "
             f"{mesh.cell_words(int(np.argmax(bare)))}{and_more(int(bare.sum()))}; name them all"
         )
-    warnings += _warnings_about_boundary(facets, touching)
+    findings += _check_boundary(facets, touching)
     groups, unusable, about_groups = _on_boundary(facets)
-    said = (*mesh.warnings, *warnings, *about_groups)
-    return replace(mesh, facets=groups, unusable=unusable, warnings=said)
+    return replace(mesh, facets=groups, unusable=unusable, findings=(*findings, *about_groups))
 
 
 def _check_arrays(mesh: MeshData) -> None:
@@ -85,8 +85,8 @@ def _check_arrays(mesh: MeshData) -> None:
         )
 
 
-def check_cells(mesh: MeshData) -> list[str]:
-    """Warnings of thin cells.  Raises InputError for a cell that has collapsed or is folded."""
+def check_cells(mesh: MeshData) -> list[Finding]:
+    """The finding of thin cells.  Raises InputError for a cell that has collapsed or is folded."""
     cells, kind = mesh.cells.nodes, mesh.kind
     length = longest_edges(mesh.points, cells)
     # A collapsed cell may have a volume from the rounding of its coordinates.
@@ -111,10 +111,8 @@ def check_cells(mesh: MeshData) -> list[str]:
     thin = share < _NEARLY_COLLAPSED
     if not thin.any():
         return []
-    return [
-        f"{mesh.cell_words(int(np.argmax(thin)))} has nearly collapsed"
-        f"{and_more(int(thin.sum()))}; digits are lost where a {kind.name} is so thin"
-    ]
+    cell = mesh.cell_words(int(np.argmax(thin)))
+    return [Finding("mesh.thin_cells", cell=cell, count=int(thin.sum()), kind=kind.name)]
 
 
 class CellFacets:
@@ -193,8 +191,8 @@ class CellFacets:
         return sides
 
 
-def _warnings_about_boundary(facets: CellFacets, touching: Touching) -> list[str]:
-    """Warnings of cracks.
+def _check_boundary(facets: CellFacets, touching: Touching) -> list[Finding]:
+    """The finding of cracks.
 
     Raises InputError where parts touch without shared nodes, a node hangs on a facet, or there are
     too many parts.
@@ -236,10 +234,7 @@ def _warnings_about_boundary(facets: CellFacets, touching: Touching) -> list[str
         )
     if not len(doubles):
         return []
-    return [
-        f"the body is cut where nodes are double: {_pairs_words(mesh, doubles)}; unless it is "
-        f"meant to be, {_FRAGMENT}"
-    ]
+    return [Finding("mesh.cut", nodes=_pairs_words(mesh, doubles), advice=_FRAGMENT)]
 
 
 def _pairs_words(mesh: MeshData, pairs: IntArray) -> str:
@@ -311,14 +306,13 @@ def _may_meet(
     return may
 
 
-def _on_boundary(facets: CellFacets) -> tuple[MeshElements, dict[str, str], list[str]]:
-    """The groups of facets with those on the boundary of the body, and warnings.
+def _on_boundary(facets: CellFacets) -> tuple[MeshElements, dict[str, str], list[Finding]]:
+    """The groups of facets with those on the boundary of the body, and findings.
 
     For the name of every other group there is the reason why it bounds nothing.
     """
     mesh, kind = facets.mesh, facets.mesh.kind
-    unusable: dict[str, str] = {}
-    warnings: list[str] = []
+    unusable, findings = dict[str, str](), list[Finding]()
     kept = np.zeros(len(mesh.facets), dtype=bool)
     number = facets.find(mesh.facets.nodes)
     is_outside = (number >= 0) & (facets.count[number] == 1)
@@ -338,6 +332,6 @@ def _on_boundary(facets: CellFacets) -> tuple[MeshElements, dict[str, str], list
                 unusable[name] = text
             # A group inside the body alone is often an interface.
             if len(others) < in_group.sum() or (number[others] < 0).any():
-                warnings.append(f"{text}; they are left out")
+                findings.append(Finding("mesh.group_off_boundary", text=text, count=len(others)))
     names = {name: tags for name, tags in mesh.facets.names.items() if name not in unusable}
-    return replace(mesh.facets.take(kept), names=names), unusable, warnings
+    return replace(mesh.facets.take(kept), names=names), unusable, findings

@@ -11,6 +11,7 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import KINDS, CellKind
 
 _NOTHING = np.empty((0, 0), dtype=np.int64), np.empty(0, dtype=np.int64)
@@ -58,7 +59,7 @@ class MeshData:
     numbers: IntArray
     cells: MeshElements
     facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     unusable: Mapping[str, str] = field(default_factory=dict)
 
     @property

@@ -21,6 +21,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
 from contact_locking.mesh.cell_kind import NAMED, CellKind, mean_normals
 from contact_locking.mesh.data import MeshData, point_words
@@ -80,7 +81,7 @@ class Domain:
     facet_names: dict[str, tuple[int, ...]]
     part_names: tuple[str, ...] = ("the body",)
     unusable: dict[str, str] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    findings: tuple[Finding, ...] = ()
     origin: str = field(default="the mesh")
     is_refined: bool = False
     smoothing_radii: dict[str, float] = field(default_factory=dict)
@@ -270,7 +271,7 @@ def distributed(data: MeshData, comm: MPI.Intracomm, origin: str, is_whole: bool
     # SciPy, which finds the parts, would take a tenth of the time of `check`.
     whole = np.zeros(len(made.regions.numbers), dtype=np.int32), 1
     parts = whole if is_whole else connected_parts(made.mesh)
-    words = {"unusable": dict(data.unusable), "warnings": data.warnings}
+    words = {"unusable": dict(data.unusable), "findings": data.findings}
     return assembled(made.mesh, made.regions, made.facets, parts, origin=origin, **words)
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_file
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import KINDS, CellKind
 from contact_locking.mesh.data import ONE_KIND, MeshData, MeshElements, about, flat_points
 from contact_locking.meshes import empty_model
@@ -88,8 +89,8 @@ def _with_straight_sides(mesh: MeshData) -> MeshData:
     cells, facets = (
         replace(elements, nodes=np.searchsorted(kept, elements.nodes)) for elements in parts
     )
-    warning = "its cells are of second order: their corners alone are taken, with straight sides"
-    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, (warning,))
+    findings = (Finding("mesh.second_order"),)
+    return MeshData(mesh.dim, mesh.points[kept], mesh.numbers[kept], cells, facets, findings)
 
 
 def _kind_of(model: Any, number: int) -> CellKind | None:

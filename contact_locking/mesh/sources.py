@@ -18,6 +18,7 @@ from mpi4py import MPI
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import with_key
+from contact_locking.findings import Finding
 from contact_locking.mesh import abaqus, gmsh, xdmf
 from contact_locking.mesh.checks import Touching, check_cells, checked
 from contact_locking.mesh.data import MeshData, MeshElements, about
@@ -63,7 +64,7 @@ def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domai
 
 
 # What the mesh of a body knows beside its cells, as fields of `Domain`.
-_FACTS = ("part_names", "unusable", "warnings", "origin", "smoothing_radii")
+_FACTS = ("part_names", "unusable", "findings", "origin", "smoothing_radii")
 _ARRAYS = [
     (kind, array) for kind in ("cells", "facets") for array in ("nodes", "numbers", "groups")
 ]
@@ -86,7 +87,8 @@ class WholeMesh:
         data = self.data
         elements = {"cells": data.cells, "facets": data.facets}
         names = {kind: of_kind.names for kind, of_kind in elements.items()}
-        words = json.dumps({"dim": data.dim, "names": names, "facts": self.facts}).encode()
+        facts = {**self.facts, "findings": [x.record for x in self.facts["findings"]]}
+        words = json.dumps({"dim": data.dim, "names": names, "facts": facts}).encode()
         arrays = {f"{kind}.{array}": vars(elements[kind])[array] for kind, array in _ARRAYS}
         arrays |= {"points": data.points, "numbers": data.numbers, "parts": self.parts}
         np.savez(path, words=np.frombuffer(words, dtype=np.uint8), **arrays)
@@ -106,8 +108,8 @@ class WholeMesh:
                 for kind in ("cells", "facets")
             )
             data = MeshData(words["dim"], file["points"], file["numbers"], cells, facets)
-            lists = {name: tuple(words["facts"][name]) for name in ("part_names", "warnings")}
-            return cls(data, file["parts"], words["facts"] | lists)
+            findings = {"findings": tuple(map(Finding.of, words["facts"]["findings"]))}
+            return cls(data, file["parts"], words["facts"] | findings)
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:

@@ -24,8 +24,8 @@ from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.findings import TEXTS, Finding
 from contact_locking.fields.present import Clock, Entities, features
+from contact_locking.findings import TEXTS, Finding
 from contact_locking.laws.locking import squared_norm
 from contact_locking.laws.penalty import Penalty, PenaltyParameters
 from contact_locking.mesh.domain import Domain, require_surface
@@ -150,8 +150,8 @@ class Body:
                     f"{condition.key}.on",
                 )
 
-    def features(self, contacts: Sequence[Contact], clock: Clock) -> Iterator[str]:
-        """Warnings about data that change between the points in use, but for loads; collective."""
+    def features(self, contacts: Sequence[Contact], clock: Clock) -> Iterator[Finding]:
+        """Findings about data that change between the points in use, but for loads; collective."""
         domain = self.domain
         every = np.arange(len(domain.parts), dtype=np.int32)
         for items, advice, relative in (
@@ -180,8 +180,8 @@ class Body:
             # endless.
             slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
             for slip in slips if "s" in mu.expression.names else slips[:1]:
-                if warnings := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
-                    yield from warnings
+                if findings := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
+                    yield from findings
                     break
 
 
@@ -191,7 +191,7 @@ class DiscreteProblem:
     ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
     solve for, ``rigidity`` knows the rigid motions, and ``held`` tells how each part is held.
     ``clock`` has the time of data that depend on it.
-    ``follows_n`` says that the compliance of the contact was not chosen, but is 1/n.  ``warnings``
+    ``follows_n`` says that the compliance of the contact was not chosen, but is 1/n.  ``findings``
     tell what is probably not intended.
 
     The constructor is collective.  Raises InputError for data that cannot be used, and for a
@@ -212,7 +212,7 @@ class DiscreteProblem:
         self.constraints = Constraints(domain, space, body.held, body.bcs, clock)
         self.regions = tuple(body.regions)
         self.loads = [LoadOnMesh(domain, element, load, clock) for load in body.loads]
-        of_loads = [text for load in self.loads for text in load.advance()]
+        of_loads = [finding for load in self.loads for finding in load.advance()]
         springs: list[ElasticSupport] = [*Springs.of(domain, body.springs, clock)]
         if body.others is not None:
             springs.append(OwnSupport(body.others))
@@ -230,7 +230,7 @@ class DiscreteProblem:
             NodalContact(item, place, self.constraints, slip, clock)
             for item, place in zip(contacts, places, strict=True)
         )
-        self.warnings = [text for contact in nodal for text in contact.warnings()]
+        self.findings = [finding for contact in nodal for finding in contact.findings()]
         slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
         self.data = forms.ProblemData(
@@ -257,14 +257,14 @@ class DiscreteProblem:
                 for kind in (Displacement, Support)
             )
         )
-        self.warnings += of_loads
+        self.findings += of_loads
         for load in self.loads:
             ratio = load.stress / self.material.stiffness
             if ratio > _ABSURD:
                 raise InputError(TEXTS["load.large"].format(ratio=ratio), load.key)
             if ratio > 1.0:
-                self.warnings.append(Finding("load.large", load.key, ratio=ratio))
-        self.warnings += body.features(contacts, clock)
+                self.findings.append(Finding("load.large", load.key, ratio=ratio))
+        self.findings += body.features(contacts, clock)
 
     @property
     def contacts(self) -> tuple[NodalContact, ...]:
@@ -324,7 +324,7 @@ class DiscreteProblem:
         """
         self.material.refresh()
         self.limits.refresh()
-        self.warnings += [text for x in self.loads if x.is_timed for text in x.advance()]
+        self.findings += [each for x in self.loads if x.is_timed for each in x.advance()]
         self.place()
 
     def _work(self) -> ufl.Form | None:

@@ -30,6 +30,7 @@ from contact_locking.fields.present import (
     PresentValue,
     rule,
 )
+from contact_locking.findings import TEXTS, Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, minimum
 from contact_locking.problem.motions import null_motions
@@ -245,19 +246,19 @@ class LoadOnMesh:
             }
         return metadata
 
-    def advance(self) -> list[str]:
-        """Put the load to the present time, and return warnings; collective.
+    def advance(self) -> list[Finding]:
+        """Put the load to the present time, and return findings; collective.
 
         A load that depends on the time is put to zero where it is zero with rounding.
         """
         for value in self._values:
             value.refresh()
-        self._size, warnings = self._largest()
+        self._size, findings = self._largest()
         self._acts.value = float(not (self.is_timed and self._so_far.hides(self._size)))
-        return warnings
+        return findings
 
-    def _largest(self) -> tuple[float, list[str]]:
-        """The largest ``|g|`` at the points of cells or facets, and warnings; collective."""
+    def _largest(self) -> tuple[float, list[Finding]]:
+        """The largest ``|g|`` at the points of cells or facets, and findings; collective."""
         if not self._is_seen:
             return 0.0, []
         if self._constant:
@@ -272,22 +273,15 @@ class LoadOnMesh:
             # A load that depends on the time may be zero at times.
             if self.is_timed:
                 return 0.0, []
-            return 0.0, [
-                f"{self.key}: is zero at all points of the quadrature; is the load meant for "
-                "another place, or for a place smaller than the elements?"
-            ]
+            return 0.0, [Finding("load.zero", self.key)]
         is_nodal = any(value.is_nodal for value in self._values)
         nodes = " (its table counts at the nodes alone)" if is_nodal else ""
-        text = (
-            f"changes too sharply for this mesh near {where}, where it reaches {largest:.3g}; its "
-            f"resultant is uncertain by about {100.0 * share:.2g} %{nodes}: refine the mesh there, "
-            "or give a load that is wider"
-        )
+        about: dict[str, Any] = {"place": where, "size": largest, "per_cent": 100.0 * share}
         if share > _LOST:
-            raise InputError(text, self.key)
+            raise InputError(TEXTS["load.sharp"].format(nodes=nodes, **about), self.key)
         if share > _UNCERTAIN and not self._warned:
             self._warned = True
-            return largest, [f"{self.key}: {text}"]
+            return largest, [Finding("load.sharp", self.key, nodes=nodes, **about)]
         return largest, []
 
     def _apart(self, coarse: _Sample, fine: _Sample) -> float:

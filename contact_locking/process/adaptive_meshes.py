@@ -26,6 +26,7 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import InputError, NotRefined
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import longest_edges, signed_measures
 from contact_locking.mesh.data import MeshData, point_words
 from contact_locking.mesh.domain import Domain
@@ -89,9 +90,9 @@ def adapted(
             stopped = str(reason)
         monitor.mesh(len(meshes), words)
         if stopped and not is_reached:
-            text = f"the meshes were not refined until adapt.tolerance was reached: {stopped}"
-            solution = solution.warned(text)
-            monitor.message(f"warning: {text}")
+            finding = Finding("adapt.stopped", reason=stopped)
+            solution = solution.warned(finding)
+            monitor.message(f"warning: {finding}")
         about = {
             "tolerance": adaptation.tolerance,
             "reached": is_reached,
@@ -129,12 +130,19 @@ def _refined(
     stagnates: bool,
     curved: tuple[Curved, ...],
 ) -> Domain:
-    """The next mesh; collective.  Raises NotRefined."""
-    squares = gather_cells(domain, squared_contributions(solution))
-    entered = entered_places(solution)
+    """The next mesh; collective.  Raises NotRefined, on all ranks.
 
-    def marks(data: MeshData) -> BoolArray:
-        assert squares is not None
+    Default radii of smoothing stay those of the first mesh, and ``curved`` sides stay curved.
+    """
+    squares = gather_cells(domain, squared_contributions(solution))
+    mesh, entered, next_meshes = gather_mesh(domain), entered_places(solution), list[WholeMesh]()
+    radii = domain.smoothing_radii or {
+        fields.contact.key: default_radius(fields.surface) for fields in solution.contacts
+    }
+
+    def refine() -> None:
+        assert mesh is not None and squares is not None
+        data = mesh.data
         if stagnates and not entered:
             sizes = longest_edges(data.points, data.cells.nodes)
             least = int(np.argmin(sizes))
@@ -143,9 +151,17 @@ def _refined(
                 "the error has hardly fallen over the last meshes; the smallest cells, of size "
                 f"{sizes[least]:.2g}, are at {centre}, where the solution may be singular"
             )
-        return marked_cells(squares, adaptation.share) | cells_at(entered, data)
+        marks = marked_cells(squares, adaptation.share) | cells_at(entered, data)
+        finer = refined(mesh, marks, curved)
+        next_meshes.append(replace(finer, facts={**finer.facts, "smoothing_radii": radii}))
 
-    return finer_mesh(domain, solution, marks, adaptation.max_dofs, curved)
+    on_root(domain.comm, refine)
+    finer = spread(next_meshes[0] if next_meshes else None, domain.comm)
+    dofmap = solution.element.displacement_space(finer.mesh).dofmap
+    dofs = int(dofmap.index_map.size_global * dofmap.index_map_bs)
+    if dofs > adaptation.max_dofs:
+        raise NotRefined(f"the next mesh has {dofs} unknowns, more than adapt.max_dofs")
+    return finer
 
 
 def adapt(
@@ -345,36 +361,3 @@ def _nodes_of(data: MeshData, name: str) -> BoolArray:
     for group in (data.facets, data.cells):
         mask[group.nodes[group.named(name)]] = True
     return mask
-
-
-def finer_mesh(
-    domain: Domain,
-    solution: Solution,
-    marks: Callable[[MeshData], BoolArray],
-    most: int,
-    curved: tuple[Curved, ...],
-) -> Domain:
-    """The mesh ``domain`` of a solution with the cells ``marks`` (k,) refined; collective.
-
-    ``marks`` is called on rank 0.  ``most`` is the largest number of unknowns.  Default radii
-    of smoothing stay those of the first mesh, and ``curved`` sides stay curved.  Raises NotRefined,
-    on all ranks.
-    """
-    mesh = gather_mesh(domain)
-    radii = domain.smoothing_radii or {
-        fields.contact.key: default_radius(fields.surface) for fields in solution.contacts
-    }
-    held: list[WholeMesh] = []
-
-    def work() -> None:
-        assert mesh is not None
-        finer = refined(mesh, marks(mesh.data), curved)
-        held.append(replace(finer, facts={**finer.facts, "smoothing_radii": radii}))
-
-    on_root(domain.comm, work)
-    finer = spread(held[0] if held else None, domain.comm)
-    dofmap = solution.element.displacement_space(finer.mesh).dofmap
-    dofs = int(dofmap.index_map.size_global * dofmap.index_map_bs)
-    if dofs > most:
-        raise NotRefined(f"the next mesh has {dofs} unknowns, more than adapt.max_dofs")
-    return finer

@@ -29,6 +29,7 @@ from contact_locking.errors import InputError
 from contact_locking.fem.compiled import Kept
 from contact_locking.files import atomic
 from contact_locking.files.readable import file_digest
+from contact_locking.findings import Finding
 from contact_locking.laws.penalty import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.sources import WholeMesh, gather_cells, gather_mesh, spread
@@ -48,7 +49,7 @@ from contact_locking.solver.task import (
 )
 
 # A change of the written files raises this number.
-FORMAT = 8
+FORMAT = 9
 _STATE, _MESH = "state.npz", "mesh.npz"
 _AGAIN = "save it again with contact-locking run --checkpoint"
 # The coordinates of the same mesh may differ by this share of the extent, because another machine
@@ -63,10 +64,10 @@ class Checkpoint:
     Parameters
     ----------
     state
-        where a solver may start from
-    multipliers, bounds
-        the stresses and the friction bounds (k,) of the contacts; None and empty if the contacts or
-        the sets of strains are not those of the problem
+        where a solver may start from; it has no multipliers if the contacts or the sets of strains
+        are not those of the problem
+    bounds
+        the friction bounds (k,) of the contacts, empty without multipliers
     problem
         the fingerprint of the problem of a study file, empty for a script
     converged
@@ -81,13 +82,12 @@ class Checkpoint:
     """
 
     state: SavedState
-    multipliers: Multipliers | None
     bounds: tuple[FloatArray, ...]
     problem: str
     converged: bool
     time: float
     history: Table
-    halved: tuple[str, ...]
+    halved: tuple[Finding, ...]
     memories: tuple[tuple[FloatArray, FloatArray], ...]
     old_displacement: FloatArray | None
 
@@ -111,8 +111,8 @@ class Checkpoint:
         if len(self.history):
             counts = Counts(int(self.history.last("tangents")), int(self.history.last("linear")))
         system.bounds.enter(contacts, self.bounds)
-        assert self.multipliers is not None
-        outcome = Outcome.solved(self.multipliers, from_saved=True)
+        assert self.state.multipliers is not None
+        outcome = Outcome.solved(self.state.multipliers, from_saved=True)
         return solver.state(outcome.counted(counts, ()))
 
 
@@ -183,7 +183,7 @@ def gathered(solution: Solution) -> Callable[[Path], None]:
         "travels": solution.state.saved.travels,
         "time": solution.time,
         "history": solution.history.columns,
-        "halved": solution.halved,
+        "halved": [finding.record for finding in solution.halved],
     }
 
     def write(folder: Path) -> None:
@@ -323,13 +323,12 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
     )
     return Checkpoint(
         state,
-        multipliers,
         tuple(bounds),
         about["problem"],
         about["converged"],
         about["time"],
         history,
-        tuple(about["halved"]),
+        tuple(map(Finding.of, about["halved"])),
         tuple(memories),
         old_displacement,
     )

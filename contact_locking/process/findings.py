@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from contact_locking.certificate.solved_state import SolvedState
-from contact_locking.fields.findings import Finding
+from contact_locking.findings import Finding
 from contact_locking.parallel import maximum
 from contact_locking.plain_text import coordinates
 from contact_locking.results.between_nodes import uncovered_entry

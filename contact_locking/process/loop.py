@@ -24,10 +24,11 @@ from typing import Any, Protocol, TypeVar
 
 from dolfinx import fem
 
-from contact_locking.certificate.energy import EnergyBalance, Moment, energy_balance
+from contact_locking.certificate.balances import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, Misplaced, ProcessEnded
+from contact_locking.findings import Finding
 from contact_locking.process import checkpoint
 from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.problem_solver import ProblemSolver
@@ -68,7 +69,7 @@ def row_of(
         "work": energy.work,
         "dissipated": energy.dissipated,
         "numerical": energy.numerical,
-        "energy_defect": energy.defect,
+        "energy_defect": math.nan if energy.defect is None else energy.defect,
     }
     row |= {f"{name}_total": history.last(f"{name}_total") + row[name] for name in SUMMED}
     row |= {
@@ -159,7 +160,7 @@ class Process(Iterator[S]):
         self._timeline = Timeline(steps)
         self._planned = self._timeline.left
         self._stops = steps.on_failure == "stop"
-        self._halved: tuple[str, ...] = ()
+        self._halved: tuple[Finding, ...] = ()
         self._is_unbalanced = False
         self._probes: Table | None = None
         self._solutions = self._solve([] if restart is None else SavedSteps(Path(restart)).folders)
@@ -190,7 +191,8 @@ class Process(Iterator[S]):
             solution = self._with_history(solution, f"the step was read from {path}")
             yield solution
             timeline.skip_to(saved.time)
-            last, before = solution.state, Moment.of(state)
+            # With other data than those of the saved step the state is no equilibrium.
+            last, before = solution.state, Moment.of(state, solution.converged)
             discrete.enter(last.contacts)
         while not timeline.is_over:
             began = clocks.perf_counter()
@@ -211,9 +213,7 @@ class Process(Iterator[S]):
                 report = self._solve_at(at, last)
             except InputError as error:
                 is_misplaced = isinstance(error, Misplaced)
-                if is_misplaced and self._halve(
-                    f"the step to t = {at:.6g} takes {error.key} too far"
-                ):
+                if is_misplaced and self._halve(at, f"takes {error.key} too far"):
                     continue
                 text = f"at t = {at:.6g} {error}" if is_misplaced else str(error)
                 if solution is None:
@@ -228,19 +228,19 @@ class Process(Iterator[S]):
             if not report.converged and timeline.refused is not None:
                 timeline.failed[at] = report.reason
             self._is_unbalanced |= report.is_unbalanced
-            if not report.converged and self._halve(
-                f"the step to t = {at:.6g} did not converge ({report.reason})"
-            ):
+            if not report.converged and self._halve(at, f"did not converge ({report.reason})"):
                 continue
             state = self._solver.state(report)
             energy, after = energy_balance(before or Moment.at_rest(state), state)
             candidate = self._solution(state, energy, at)
+            if energy.defect is None:
+                candidate = candidate.warned(Finding("steps.restart", time=timeline.done))
             # Half the step misses a foundation between the nodes as well.
             entering = candidate.certificate.criteria.get(ENTRY)
             if (
                 not candidate.converged
                 and (entering is None or entering.holds)
-                and self._halve(f"the step to t = {at:.6g} did not converge ({candidate.reason})")
+                and self._halve(at, f"did not converge ({candidate.reason})")
             ):
                 continue
             if not candidate.converged:
@@ -291,7 +291,7 @@ class Process(Iterator[S]):
         self._timeline.refuse(beyond, report)
         return True
 
-    def _end(self, last: S, ended: str | None = None) -> dict[str, Any]:
+    def _end(self, last: S, ended: Finding | None = None) -> dict[str, Any]:
         """The entries of a last solution with which the process ends, in words, or fails."""
         warnings = [*last.warnings, *self._halved[len(last.halved) :]]
         steps = {**last.facts["steps"], "halvings": len(self._halved), "ended": ended}
@@ -299,19 +299,18 @@ class Process(Iterator[S]):
 
     def _stopped(self, last: S, reason: str) -> S:
         """The last solution, which is that of a process that goes no farther."""
-        return last.telling(
-            **self._end(last, f"the process ends at t = {last.time:.6g} ({reason})")
-        )
+        ended = Finding("steps.ended", time=last.time, reason=reason)
+        return last.telling(**self._end(last, ended))
 
-    def _halve(self, failure: str) -> bool:
+    def _halve(self, at: float, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
         if not self._timeline.fail():
             return False
         # The line about the failed solve comes before the line that says why.
         self._monitor.finish()
-        text = f"{failure}; it is halved"
-        self._halved = (*self._halved, text)
-        self._monitor.message(f"warning: {text}")
+        halved = Finding("steps.halved", time=at, failure=failure)
+        self._halved = (*self._halved, halved)
+        self._monitor.message(f"warning: {halved}")
         return True
 
     def _solution(self, state: SolvedState, energy: EnergyBalance, at: float) -> S:

@@ -15,6 +15,7 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.certificate.verdict import Certificate, certify
 from contact_locking.fem.compiled import integral
+from contact_locking.findings import Finding
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
@@ -42,11 +43,6 @@ from contact_locking.solver.task import Outcome, SavedState, Target, Task
 
 # The frame of bodies that touch each other is that of the solution after one to three solves.
 _MOST_FRAMES = 8
-_UNSETTLED = (
-    f"the place where bodies touch each other did not settle in {_MOST_FRAMES} solves: normals and "
-    "gaps are known to some per cent; take smaller steps, or hold the bodies more firmly"
-)
-
 _APART = "where bodies face each other as they did at the solution before, nothing is admissible"
 
 
@@ -134,8 +130,8 @@ class ProblemSolver:
                 reason = f"{_APART}: {report.reason}"
                 report = dataclasses.replace(report, is_infeasible=False, reason=reason)
         else:
-            warnings = [*report.warnings, _UNSETTLED]
-            report = dataclasses.replace(report, warnings=warnings)
+            unsettled = Finding("contact.unsettled", solves=_MOST_FRAMES)
+            report = dataclasses.replace(report, warnings=[*report.warnings, unsettled])
         return report
 
     def _next_start(self, report: Outcome) -> SavedState | None:
@@ -232,13 +228,10 @@ class ProblemSolver:
             return {"reason": f"not solved for n = .inf: {report.reason}"}
         return distance(solution.displacement, exact, problem.data)
 
-    def unused_options(self) -> list[str]:
-        """A warning about PETSc options that no solve has used."""
+    def unused_options(self) -> list[Finding]:
+        """The finding about PETSc options that no solve has used."""
         unused = self._options.unused()
-        if not unused:
-            return []
-        names = ", ".join(unused)
-        return [f"PETSc has not used these options: {names} (solver.petsc, or after --)"]
+        return [Finding("solver.unused_options", names=", ".join(unused))] if unused else []
 
 
 def linear_solver(problem: DiscreteProblem, linear: str) -> str:
@@ -282,7 +275,7 @@ def solution_of(
             slide = problem.rigidity.describe_loose()
         if slide is not None:
             reason, suggestion = f"{slide}; {reason}", _WAY_OUT_OF_SLIDING
-    warnings: list[str] = [*problem.warnings, *report.warnings]
+    warnings = [*problem.findings, *report.warnings]
     if report.converged:
         warnings += findings(state)
     if certificate is not None:

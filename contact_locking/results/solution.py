@@ -12,6 +12,7 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.problem.discrete_problem import distance
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.table import Table
@@ -120,7 +121,7 @@ class Solution:
     converged: bool = True
     reason: str = ""
     suggestion: str = ""
-    warnings: Sequence[str] = ()
+    warnings: Sequence[Finding] = ()
     certificate: Any = None  # of the package certificate, which is made of results
     report: Outcome | None = None
     differentiable: Differentiable | None = None
@@ -128,7 +129,7 @@ class Solution:
     time: float = 0.0
     history: Table = field(default_factory=Table)
     probes: Table | None = None
-    halved: tuple[str, ...] = ()
+    halved: tuple[Finding, ...] = ()
     others: tuple[Solution, ...] = ()
     parameters: Any = None
     problem: str = ""
@@ -166,9 +167,9 @@ class Solution:
         verdict = {name: entries.pop(name) for name in _VERDICT if name in entries}
         return replace(self, **verdict, facts={**self.facts, **entries})
 
-    def warned(self, *texts: str) -> Self:
+    def warned(self, *findings: Finding) -> Self:
         """The same solution with further warnings."""
-        return replace(self, warnings=[*self.warnings, *texts])
+        return replace(self, warnings=[*self.warnings, *findings])
 
     @property
     def summary(self) -> dict[str, Any]:

@@ -31,6 +31,7 @@ from contact_locking.errors import (
 )
 from contact_locking.files import atomic
 from contact_locking.files.atomic import make_folders
+from contact_locking.findings import Finding
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint as checkpoints
@@ -58,7 +59,7 @@ def run(
     petsc_options: Mapping[str, Any] | None = None,
     restart: str | Path | None = None,
     save_state: bool = False,
-) -> tuple[Solution, list[str]]:
+) -> tuple[Solution, list[Finding]]:
     """The last solution, its results in ``directory``, and the warnings of writing; collective.
 
     Of a process fields.bp has every step with its time, and history.csv a row for each.
@@ -92,7 +93,7 @@ def write_steps(
     output: Output | None = None,
     save_state: bool = False,
     comm: MPI.Intracomm = MPI.COMM_WORLD,
-) -> tuple[S, list[str]]:
+) -> tuple[S, list[Finding]]:
     """The last solution of a process, and the warnings of writing; collective.
 
     Each step is saved in ``directory``, for ``restart=directory``, until the process has reached
@@ -187,7 +188,7 @@ def write(
     output: Output | None = None,
     checkpoint: bool = False,
     series: Path | None = None,
-) -> list[str]:
+) -> list[Finding]:
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
     The files are summary.json, contact.csv and contact_facets.csv, and parameters.yaml for a
@@ -208,7 +209,7 @@ def write(
     if output is None:
         output = Output() if solution.parameters is None else solution.parameters.output
     solution = completed(solution, output)
-    warnings: list[str] = []
+    warnings: list[Finding] = []
     refused: list[str] = []
     return_freed_memory()
     on_root_of(comm, target, partial(names.require_own, target))
@@ -235,7 +236,8 @@ def write(
             except ContactLockingError as error:
                 refused.append(f"no checkpoint was saved: {str(error).splitlines()[0]}")
                 on_root_of(comm, target, lambda: shutil.rmtree(folder, ignore_errors=True))
-        complete = solution.warned(*warnings, *refused)
+        left_out = [Finding("output.left_out", reason=reason) for reason in refused]
+        complete = solution.warned(*warnings, *left_out)
 
         def finish() -> None:
             _write_texts(complete, staging)

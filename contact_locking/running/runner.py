@@ -1,18 +1,34 @@
-"""Solve the unfinished cases of a study, J at a time, and write the table of all cases."""
+"""Solve the unfinished cases of a study, J at a time, and write the table of all cases.
+
+A case is a process of this machine, of one rank or of several under mpirun.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
 
 from contact_locking import study_file
-from contact_locking.errors import NoRoom, explained, tells_of_full_disk
+from contact_locking.errors import (
+    ContactLockingError,
+    InputError,
+    NoRoom,
+    explained,
+    tells_of_full_disk,
+)
 from contact_locking.files.atomic import locked, make_folders, remove_abandoned, write_text
-from contact_locking.plain_text import duration, printable
+from contact_locking.plain_text import duration
 from contact_locking.results.folder import (
     KEY,
     PARAMETERS,
@@ -26,6 +42,7 @@ from contact_locking.running.cases import (
     Case,
     Outcome,
     State,
+    begin,
     cases_of,
     conclude,
     each_once,
@@ -33,20 +50,137 @@ from contact_locking.running.cases import (
     row_of,
     write_rows,
 )
-from contact_locking.running.executor import Executor, Plan, Slot, end_of, launcher
-from contact_locking.running.signals import stoppable
 from contact_locking.study_file import StudyFile
 from contact_locking.study_file.parameters import Parameters
 
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-
+#: The program that solves a case; its arguments follow.  With -P, Python takes no modules from the
+#: current folder, which may have come with the study.
+PROGRAM = (sys.executable, "-P", "-m", "contact_locking")
 INDEX = "index.txt"
-_TABLE_SECONDS = 2.0
-_PAUSE_SECONDS = 0.05
+#: Takes a line about the study.
+Say = Callable[[str], None]
+
+_LOG_TAIL = 65_536
+# An error as the command line prints it: its further lines are indented.
+_ERROR = re.compile(r"^error: (.+(?:\n {7}.+)*)", re.MULTILINE)
+# PETSc catches signals, prints this message and ends with an exit code of its own.
+_CRASH = re.compile(r"PETSC ERROR: Caught signal number \d+ ([^,\n]+)")
+# mpirun has this time to end its ranks.
+_GRACE_SECONDS = 10.0
+_PR_SET_PDEATHSIG = 1
+_TABLE_SECONDS, _PAUSE_SECONDS = 2.0, 0.05
 _GO_ON = "Finished cases are kept; make room, and repeat the command for the others."
+
+
+@dataclass(frozen=True)
+class Plan:
+    """How many cases are solved at a time, on how many ranks each, and by which program."""
+
+    jobs: int = 1
+    ranks: int = 1
+    program: Sequence[str] = PROGRAM
+
+    @property
+    def launcher(self) -> tuple[str, ...]:
+        """The words before the program.  Raises InputError if there is no mpirun."""
+        if self.ranks == 1:
+            return ()
+        mpirun = shutil.which("mpirun")
+        if mpirun is None:
+            raise InputError(
+                f"--ranks {self.ranks} takes mpirun, which is not on the PATH; "
+                "install MPI, or leave --ranks out"
+            )
+        return (mpirun, "-n", str(self.ranks))
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """The environment variables of the cases; variables that the user has set stay."""
+        defaults = {"PYTHONUNBUFFERED": "1"}
+        if self.jobs * self.ranks > 1:
+            defaults["OMP_NUM_THREADS"] = "1"
+        if self.jobs > 1 and self.ranks > 1:
+            # Each mpirun of Open MPI 4 and 5 would bind its ranks to the same first cores.
+            defaults["OMPI_MCA_hwloc_base_binding_policy"] = "none"
+            defaults["PRTE_MCA_hwloc_default_binding_policy"] = "none"
+        return defaults | os.environ
+
+
+class RunningCase:
+    """A case in a process, which on Linux ends with this one, in whatever way this one ends.
+
+    The constructor raises ContactLockingError, and OSError for a folder that cannot be prepared.
+    """
+
+    def __init__(self, case: Case, plan: Plan) -> None:
+        begin(case)
+        self.case, self._began, self._log = case, time.monotonic(), case.folder / LOG
+        program = [*plan.launcher, *plan.program, "run", str(case.folder / PARAMETERS)]
+        # A killed mpirun could not end its ranks; SIGTERM makes mpirun end them.
+        end = signal.SIGTERM if plan.ranks > 1 else signal.SIGKILL
+        with self._log.open("wb") as stream:
+            try:
+                # Ctrl-C on the terminal reaches this process only, which then stops the cases.
+                self._process = subprocess.Popen(
+                    program,
+                    env=plan.environment,
+                    stdin=subprocess.DEVNULL,
+                    stdout=stream,
+                    stderr=subprocess.STDOUT,
+                    process_group=0,
+                    preexec_fn=_tied(end),
+                )
+            except OSError as error:
+                message = f"a case cannot be started: {program[0]}: {error.strerror}"
+                raise ContactLockingError(message) from error
+
+    @property
+    def seconds(self) -> float:
+        return time.monotonic() - self._began
+
+    @property
+    def has_ended(self) -> bool:
+        return self._process.poll() is not None
+
+    def why(self) -> str:
+        """The reason why it has ended without results, also from its log."""
+        code = self._process.returncode
+        number = -code if code < 0 else code - 128
+        if number in list(signal.Signals):
+            name = signal.Signals(number).name
+            hint = ", perhaps for want of memory" if number == signal.SIGKILL else ""
+            return f"was killed by {name}{hint}"
+        with self._log.open("rb") as stream:
+            stream.seek(max(0, self._log.stat().st_size - _LOG_TAIL))
+            text = stream.read().decode("utf-8", errors="replace")
+        if code and (crash := _CRASH.search(text)):
+            return f"crashed: {crash[1]}; see {self._log}"
+        if code and (errors := _ERROR.findall(text)):
+            return " ".join(errors[-1].split())
+        if code in (0, 3):
+            return "left no results of these parameters; has the mesh file changed meanwhile?"
+        return f"ended with exit code {code}; see {self._log}"
+
+    def send(self, number: signal.Signals) -> None:
+        """Send a signal to the process and its children, also after the process has ended."""
+        # macOS raises PermissionError for a process that has ended.
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(self._process.pid, number)
+
+
+def _tied(end: signal.Signals) -> Callable[[], None] | None:
+    """Code for a child process: the system sends ``end`` to the child when this process ends."""
+    prctl = getattr(ctypes.CDLL(None), "prctl", None)
+    if prctl is None:
+        return None
+    parent = os.getpid()
+
+    def tie() -> None:
+        prctl(_PR_SET_PDEATHSIG, int(end))
+        if os.getppid() != parent:
+            os._exit(1)
+
+    return tie
 
 
 class Study:
@@ -84,151 +218,91 @@ class Study:
         rows = [row_of(case.values, case.name, self.outcomes[case.name]) for case in self.cases]
         write_rows(self.directory, rows)
 
+    def rows(self, seconds: float) -> list[tuple[str, str]]:
+        """The number of cases in each state, the time and the place of the table."""
+        rows: list[tuple[str, str]]
+        rows = [(state, str(number)) for state, number in sorted(self.count().items()) if number]
+        if warned := sum(bool(self.outcomes[case.name].warnings) for case in self.cases):
+            rows.append(("with warnings", str(warned)))
+        return [*rows, ("time", duration(seconds)), ("table in", str(self.directory / TABLE_CSV))]
 
-def finish(study: Study, parameters: Parameters, plan: Plan, console: Console) -> None:
+
+def finish(study: Study, parameters: Parameters, plan: Plan, say: Say) -> None:
     """Solve the unfinished cases, and write the table of all cases beside ``parameters``.
 
     Raises InputError for a folder that cannot be written to or that another study or run is using,
     and if mpirun is missing; ContactLockingError if the disk is full.
     """
-    launcher(plan.ranks)
-    directory = study.directory
+    directory, _ = study.directory, plan.launcher
     with explained(not_writable(directory), directory, KEY, _GO_ON):
         make_folders(directory / "cases")
         with locked(directory, "study") as held:
             # Another study may have finished cases until this one got the lock.
             study.look()
-            todo = study.unfinished
-            with View(console, len(todo)) as view:
-                if not held:
-                    view.line(f"warning: the file system of {directory} has no locks", "yellow")
-                require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
-                cases, before = study.cases, study.finished
-                words = f", {before} finished before" if before else ""
-                view.line(f"{len(cases)} cases in {directory}{words}")
-                asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
-                if asked > cores:
-                    words = (
-                        f"{asked} processes share the {cores} cores of this machine, and are slow"
-                    )
-                    view.line(f"warning: {words}", "yellow")
-                if repeated := len(cases) - len(study.outcomes):
-                    words = f"{repeated} repeat the values of others, and are solved once"
-                    view.line(f"warning: {words}", "yellow")
-                for folder in (directory, directory / "cases"):
-                    remove_abandoned(folder)
-                write_text(directory / PARAMETERS, study_file.dump(parameters))
-                lines = [f"{case.name}  {case.label}\n" for case in cases]
-                write_text(directory / "cases" / INDEX, "".join(lines))
-                study.write_table()
-                try:
-                    _solve(study, todo, plan, view)
-                except KeyboardInterrupt:
-                    of = f"{study.finished} of {len(study.cases)}"
-                    view.line(f"{of} cases are finished; the same command does the others")
-                    raise
+            if not held:
+                say(f"warning: the file system of {directory} has no locks")
+            require_own(directory, (PARAMETERS, TABLE_CSV, TABLE_LINES))
+            cases, before = study.cases, study.finished
+            words = f", {before} finished before" if before else ""
+            say(f"{len(cases)} cases in {directory}{words}")
+            asked, cores = plan.jobs * plan.ranks, os.cpu_count() or 1
+            if asked > cores:
+                say(f"warning: {asked} processes share {cores} cores, and are slow")
+            if repeated := len(cases) - len(study.outcomes):
+                say(f"warning: {repeated} repeat the values of others, and are solved once")
+            for folder in (directory, directory / "cases"):
+                remove_abandoned(folder)
+            write_text(directory / PARAMETERS, study_file.dump(parameters))
+            lines = [f"{case.name}  {case.label}\n" for case in cases]
+            write_text(directory / "cases" / INDEX, "".join(lines))
+            study.write_table()
+            try:
+                _solve(study, plan, say)
+            except KeyboardInterrupt:
+                of = f"{study.finished} of {len(study.cases)}"
+                say(f"{of} cases are finished; the same command does the others")
+                raise
 
 
-def _solve(study: Study, todo: Sequence[Case], plan: Plan, view: View) -> None:
+def _solve(study: Study, plan: Plan, say: Say) -> None:
     """Run the cases; write the table of the finished cases also if an error ends this."""
-    executor = Executor(todo, plan)
-    written = time.monotonic()
+    waiting, running, written = study.unfinished[::-1], list[RunningCase](), time.monotonic()
+    total, width = len(waiting), len(str(len(waiting)))
     try:
-        with stoppable():
-            while executor.busy:
-                for ended in executor.poll():
-                    result = conclude(ended.case, ended.why)
-                    study.outcomes[ended.case.name] = result
-                    view.ended(ended.case, result, ended.seconds)
-                    if tells_of_full_disk(result.reason):
-                        raise NoRoom(f"{result.reason}\n{_GO_ON}")
-                if time.monotonic() > written + _TABLE_SECONDS:
-                    study.write_table()
-                    written = time.monotonic()
-                executor.start()
-                view.show(executor.running)
-                time.sleep(_PAUSE_SECONDS)
+        while waiting or running:
+            for ended in [each for each in running if each.has_ended]:
+                running.remove(ended)
+                case, result = ended.case, conclude(ended.case, ended.why)
+                study.outcomes[case.name] = result
+                number = total - len(waiting) - len(running)
+                reason = f": {result.reason}" if result.state != "converged" else result.reservation
+                of = f"[{number:{width}}/{total}] {case.label}"
+                say(f"{of}  {result.state}{reason}  ({duration(ended.seconds)})")
+                for warning in result.warnings:
+                    say(f"{'':{2 * width + 3}} warning: {warning}")
+                if tells_of_full_disk(result.reason):
+                    raise NoRoom(f"{result.reason}\n{_GO_ON}")
+            if time.monotonic() > written + _TABLE_SECONDS:
+                study.write_table()
+                written = time.monotonic()
+            while waiting and len(running) < plan.jobs:
+                running.append(RunningCase(waiting.pop(), plan))
+            time.sleep(_PAUSE_SECONDS)
     finally:
-        executor.stop()
+        _stop(running)
         study.look()
         study.write_table()
 
 
-def summary_rows(study: Study, seconds: float) -> list[tuple[str, str]]:
-    """The number of cases in each state, the time and the place of the table."""
-    count = study.count()
-    rows: list[tuple[str, str]]
-    rows = [(state, str(number)) for state, number in sorted(count.items()) if number]
-    if warned := sum(bool(study.outcomes[case.name].warnings) for case in study.cases):
-        rows.append(("with warnings", str(warned)))
-    return [*rows, ("time", duration(seconds)), ("table in", str(study.directory / TABLE_CSV))]
-
-
-_STYLES: dict[State, str] = {"not converged": "yellow", "failed": "red"}
-
-
-class View:
-    """Shows the cases that run and that have ended; use it as a context manager.
-
-    ``total`` is the number of cases to be solved.
-    """
-
-    def __init__(self, console: Console, total: int) -> None:
-        from rich.live import Live
-
-        self._console = console
-        self._total = total
-        self._states: Counter[State] = Counter()
-        self._live: Live | None = None
-        if console.is_terminal:
-            # No thread refreshes the display, because this process forks others.
-            self._live = Live(console=console, auto_refresh=False, transient=True)
-
-    def __enter__(self) -> Self:
-        if self._live is not None:
-            self._live.start()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if self._live is not None:
-            self._live.stop()
-
-    def line(self, text: str, style: str | None = None) -> None:
-        """Print a line that stays on the terminal."""
-        from rich.text import Text
-
-        self._console.print(Text(printable(text)), style=style, soft_wrap=True)
-
-    def ended(self, case: Case, outcome: Outcome, seconds: float) -> None:
-        self._states[outcome.state] += 1
-        width = len(str(self._total))
-        reason = f": {outcome.reason}" if outcome.state != "converged" else outcome.reservation
-        self.line(
-            f"[{self._states.total():{width}}/{self._total}] {case.label}  "
-            f"{outcome.state}{reason}  ({duration(seconds)})",
-            _STYLES.get(outcome.state),
-        )
-        for warning in outcome.warnings:
-            self.line(f"{'':{2 * width + 3}} warning: {warning}", "yellow")
-
-    def show(self, running: Sequence[Slot]) -> None:
-        """Refresh the display of the running cases."""
-        if self._live is not None:
-            self._live.update(self._picture(running), refresh=True)
-
-    def _picture(self, running: Sequence[Slot]) -> Table:
-        from rich.table import Table
-        from rich.text import Text
-
-        done = self._states.total()
-        counts = [f"{done} of {self._total} done", f"{len(running)} running"]
-        counts += [f"{self._states[state]} {state}" for state in _STYLES if self._states[state]]
-        outer = Table.grid()
-        outer.add_row(Text(", ".join(counts), style="bold"))
-        inner = Table.grid(padding=(0, 2))
-        for slot in running:
-            last = end_of(slot.case.folder / LOG).strip().rpartition("\n")[2] or "starting"
-            cells = (slot.case.label, last.strip(), duration(slot.seconds))
-            inner.add_row(*(Text(f"  {printable(cell)}", no_wrap=True) for cell in cells))
-        outer.add_row(inner)
-        return outer
+def _stop(running: Sequence[RunningCase]) -> None:
+    """Ask cases to end, and kill those that do not end in time."""
+    for case in running:
+        case.send(signal.SIGTERM)
+    deadline = time.monotonic() + _GRACE_SECONDS
+    try:
+        while not all(case.has_ended for case in running) and time.monotonic() < deadline:
+            time.sleep(0.02)
+    finally:
+        # Also if the wait was interrupted.
+        for case in running:
+            case.send(signal.SIGKILL)

@@ -18,7 +18,6 @@ from contact_locking import study_file, wings
 from contact_locking._version import __version__
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, with_key
-from contact_locking.fields.findings import Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
@@ -230,9 +229,9 @@ def solve_steps(
     problem = assemble(parameters, comm, domain)
     # Before the solve, because the mesh file may change during the solve.
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
-    for warning in problem.warnings:
-        monitor.message(f"warning: {warning}")
-    said = set[Any]()
+    for finding in problem.findings:
+        monitor.message(f"warning: {finding}")
+    said = set[tuple[str, str]]()
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         for solution in study.solutions(restart):
             for number, chart in enumerate(parameters.output.charts):
@@ -241,8 +240,7 @@ def solve_steps(
                     with_key(f"output.charts.{number}.{axis}", values)
             for warning in solution.warnings:
                 # The findings of several steps differ in their numbers.
-                about = (warning.code, warning.key) if isinstance(warning, Finding) else warning
-                if about not in said:
+                if (about := (warning.code, warning.key)) not in said:
                     said.add(about)
                     monitor.message(f"warning: {warning}")
             entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}

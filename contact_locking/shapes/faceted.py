@@ -13,6 +13,7 @@ from pydantic import BeforeValidator, Field, Tag, model_validator
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
+from contact_locking.findings import Finding
 from contact_locking.shapes.shape import Shape
 from contact_locking.values.concept import (
     LIST,
@@ -163,9 +164,9 @@ class Polyline(FacetedFoundation):
         return line
 
     @property
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         twice = len(self.points) - len(self.corners)
-        return [f"{twice} corners stand twice in a row"] if twice else []
+        return [Finding("foundation.double_corners", count=twice)] if twice else []
 
     @cached_property
     def corners(self) -> FloatArray:
@@ -296,11 +297,11 @@ class TriangulatedSurface(FacetedFoundation):
             comm, lambda: read_surface(path, self.scale, shift, self.turned, self.spacing)
         )
         surface = TriangulatedSurface(*read[:2])
-        surface.warnings.extend(read[2])
+        surface.findings.extend(read[2])
         return surface
 
     @cached_property
-    def warnings(self) -> list[str]:
+    def findings(self) -> list[Finding]:
         return []
 
     @property

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 from pydantic import ValidationInfo, model_validator
 
 from contact_locking.arrays import FloatArray
+from contact_locking.findings import Finding
 from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.values.concept import ONLY, Concept
 
@@ -111,8 +112,8 @@ class Shape(Concept):
         return self
 
     @property
-    def warnings(self) -> list[str]:
-        """Warnings about a shape that is probably not intended."""
+    def findings(self) -> list[Finding]:
+        """Findings about a shape, without a key."""
         return []
 
 

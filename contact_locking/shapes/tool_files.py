@@ -15,6 +15,7 @@ import numpy as np
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_size
+from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import keys
 from contact_locking.mesh.data import point_words
 
@@ -29,8 +30,8 @@ _FLAT = 1e-9
 # Coordinates beyond are no lengths in any unit.
 _LARGEST = 1e50
 
-#: Corners (m, 3), triangles (n, 3) as numbers of corners, and warnings.
-Surface = tuple[FloatArray, IntArray, list[str]]
+#: Corners (m, 3), triangles (n, 3) as numbers of corners, and findings.
+Surface = tuple[FloatArray, IntArray, list[Finding]]
 
 
 def read_surface(
@@ -71,19 +72,19 @@ def checked(corners: FloatArray, origin: str) -> Surface:
     left, for an edge of more than two triangles, at which no side is outside, and for neighbours
     that look to different sides.
     """
-    warnings = []
+    findings = []
     edges = np.roll(corners, -1, axis=1) - corners
     longest = np.linalg.norm(edges, axis=2).max(axis=1)
     flat = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) <= _FLAT * longest**2
     if flat.all():
         raise InputError(f"{origin} holds degenerate triangles only, which have no area")
     if flat.any():
-        warnings.append(f"{origin}: {flat.sum()} degenerate triangles were left out")
+        findings.append(Finding("foundation.degenerate", file=origin, count=int(flat.sum())))
     points, numbers = _distinct(corners[~flat].reshape(-1, 3))
     triangles: IntArray = numbers.reshape(-1, 3)
     first = np.unique(keys(np.sort(triangles, axis=1), len(points)), return_index=True)[1]
     if copies := len(triangles) - len(first):
-        warnings.append(f"{origin}: {copies} copies of triangles were left out")
+        findings.append(Finding("foundation.copies", file=origin, count=copies))
         triangles = triangles[np.sort(first)]
     sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first, counts = np.unique(
@@ -104,11 +105,8 @@ def checked(corners: FloatArray, origin: str) -> Surface:
             "faces coherently)"
         )
     if rim := int(np.sum(counts == 1)):
-        warnings.append(
-            f"{origin}: the surface is open, {rim} edges have one triangle only; the tool is "
-            "behind the triangles, and the body must not reach around the rim"
-        )
-    return points, triangles, warnings
+        findings.append(Finding("foundation.open", file=origin, count=rim))
+    return points, triangles, findings
 
 
 def _distinct(rows: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from contact_locking.errors import Infeasible, NotConverged
+from contact_locking.findings import Finding
 from contact_locking.solver.explain import Reasons
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
@@ -16,9 +17,6 @@ from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
 # saved state and from that displacement, before the interior point method; all are finished by the
 # pieces.  docs/notes/ladder.md has how many random problems each attempt solves.
 LADDER = (CLOSE, WIDE)
-_FACTORISED = (
-    "the iterative solver of solver.linear did not converge; the direct solver took its place"
-)
 
 
 def solve(task: Task, saved: SavedState | None = None) -> Outcome:
@@ -30,12 +28,12 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     """
     penalty, reasons = task.target.penalty, Reasons(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
-    warnings, attempts = list[str](), list(_attempts_of(task))
+    warnings, attempts = list[Finding](), list(_attempts_of(task))
     while not (outcome := _attempt(attempts[0], task, saved)).converged:
         saved = None
         if outcome.reason == LINEAR_FAILURE and _may_factorise(task):
             task = task.with_settings(linear="direct")
-            warnings.append(_FACTORISED)
+            warnings.append(Finding("solver.factorised"))
         elif len(attempts) > 1 and reasons.leave_hope(outcome):
             del attempts[0]
         else:

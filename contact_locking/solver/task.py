@@ -15,6 +15,7 @@ from dolfinx import fem
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
+from contact_locking.findings import Finding
 from contact_locking.laws.penalty import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.forms import ProblemData
@@ -192,7 +193,7 @@ class Outcome:
     linear: int = 0
     updates: int = 0
     stages: Sequence[dict[str, float | int]] = ()
-    warnings: Sequence[str] = ()
+    warnings: Sequence[Finding] = ()
 
     @classmethod
     def solved(cls, multipliers: Multipliers, **others: Any) -> Outcome:

@@ -37,7 +37,7 @@ class StudyProblem(DiscreteProblem):
 
     def __init__(self, parameters: Parameters, domain: Domain, element: Element) -> None:
         self.parameters = parameters
-        of_mesh = [f"{domain.origin}: {warning}" for warning in domain.warnings]
+        of_mesh = [finding.at(domain.origin) for finding in domain.findings]
         parameters.check_dimension(domain.dim)
         self.probes = locate(domain, parameters.output.probes)
         steps, loads = parameters.steps, parameters.loads
@@ -56,7 +56,7 @@ class StudyProblem(DiscreteProblem):
         super().__init__(body, contacts, parameters.penalty, clock)
         self.rigidity.require_held()
         # Two contacts may have one section of friction.
-        self.warnings = list(dict.fromkeys([*of_mesh, *self.warnings]))
+        self.findings = list(dict.fromkeys([*of_mesh, *self.findings]))
 
     def advance(self, time: float) -> None:
         """Put the data that depend on the time to a time; collective.
@@ -138,14 +138,14 @@ def _material(domain: Domain, material: MaterialParameters) -> dict[str, Any]:
 
 
 def check(parameters: Parameters, comm: MPI.Intracomm = MPI.COMM_WORLD) -> dict[str, Any]:
-    """The facts and warnings of the assembled problem, without a solve; collective."""
+    """The facts and findings of the assembled problem, without a solve; collective."""
     problem = assemble(parameters, comm)
     if parameters.solver.method == "penalty":
         require_served(problem)
     for check_problem in wings.CHECKS:
         check_problem(problem)
     problem.close()
-    return {**problem.facts(), "warnings": problem.warnings}
+    return {**problem.facts(), "findings": problem.findings}
 
 
 def assemble(

@@ -36,6 +36,7 @@ from contact_locking.errors import raise_callback_error
 from contact_locking.fem.compiled import JointForm
 from contact_locking.fem.contact_operator import PointStiffness
 from contact_locking.fem.spaces import make_nodal
+from contact_locking.findings import Finding
 from contact_locking.mesh.distribution import marked
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.supports.conditions import Constraints
@@ -285,16 +286,11 @@ def is_unique(summary: Mapping[str, Any]) -> bool:
     return verdict == BY_KAPPA
 
 
-def constant_supports(state: SolvedState) -> tuple[str, ...]:
-    """A warning of kernels that keep constants at supports, where rho is unbounded; collective."""
+def constant_supports(state: SolvedState) -> tuple[Finding, ...]:
+    """The finding of kernels that keep constants at supports: rho is unbounded; collective."""
     found = [contact.constant_support() for contact in state.problem.contacts]
     place = next((words for words in found if words is not None), None)
-    if place is None:
-        return ()
-    return (
-        f"displacements are prescribed at Gamma_C, as at {place}, and R keeps constants there, so "
-        "that kappa grows without bound as the mesh is refined",
-    )
+    return () if place is None else (Finding("kappa.constants", place=place),)
 
 
 _PREFIX_OF_EIGENVALUES = "contact_locking_steklov_"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from rich.console import Console
 
 import contact_locking
 from contact_locking.command.terminal import TerminalMonitor
@@ -14,17 +13,18 @@ pytestmark = pytest.mark.serial
 def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_standard_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    with TerminalMonitor(Console(force_terminal=True, width=100)) as monitor:
-        monitor.message("preparing")
-        monitor.message("warning: [bold]nothing[/bold]")
-        monitor.stage(1, 2, 10.0, 0.1)
-        monitor.iteration(0, 1.0)
-        monitor.iteration(1, 1e-3)
-        monitor.friction_update(1, 0.5, None)
-        monitor.counted(2, 1)
-        monitor.stage(2, 2, 100.0, 0.01)
-        monitor.iteration(1, 1e-9)
-        monitor.counted(5, 1)
+    monitor = TerminalMonitor()
+    monitor.message("preparing")
+    monitor.message("warning: [bold]nothing[/bold]")
+    monitor.stage(1, 2, 10.0, 0.1)
+    monitor.iteration(0, 1.0)
+    monitor.iteration(1, 1e-3)
+    monitor.friction_update(1, 0.5, None)
+    monitor.counted(2, 1)
+    monitor.stage(2, 2, 100.0, 0.01)
+    monitor.iteration(1, 1e-9)
+    monitor.counted(5, 1)
+    monitor.finish()
     output, errors = capsys.readouterr()
     assert errors == "warning: [bold]nothing[/bold]\n"
     assert "stage 1/2  n = 10  epsilon = 0.1  2 tangents, 1 friction update, residual" in output

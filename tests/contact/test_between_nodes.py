@@ -224,14 +224,13 @@ def solved(loads: dict[str, Any], **changes: Any) -> StudySolution:
     return solution
 
 
-def about_entries(solution: StudySolution) -> list[str]:
-    """The warnings about a boundary that enters a foundation."""
-    found = solution.summary["warnings"]
-    return [text for text in found if "enters the foundation" in text]
+def about_entries(solution: StudySolution) -> list[Any]:
+    """The findings about a boundary that enters a foundation."""
+    return [each for each in solution.warnings if each.code == "contact.uncovered"]
 
 
-def warnings(loads: dict[str, Any], **changes: Any) -> list[str]:
-    """These warnings of such a block."""
+def warnings(loads: dict[str, Any], **changes: Any) -> list[Any]:
+    """These findings of such a block."""
     return about_entries(solved(loads, **changes))
 
 
@@ -243,8 +242,8 @@ def pushed(by: float) -> dict[str, Any]:
 @pytest.mark.serial
 def test_a_side_outside_of_gamma_c_that_enters_a_wall_is_warned_of() -> None:
     (warning,) = warnings(pushed(0.1), contact={"on": "bottom", "foundation": FLOOR_AND_WALL})
-    assert warning.startswith("contact: the boundary outside of contact.on enters")
-    assert "by 0.05 near (1, " in warning
+    assert warning.key == "contact" and warning.numbers["place"].startswith("1, ")
+    assert warning.numbers["depth"] == pytest.approx(0.05)
 
 
 @pytest.mark.serial
@@ -259,7 +258,7 @@ def test_nothing_is_warned_of_where_gamma_c_covers_the_boundary() -> None:
     covered = {"on": ["bottom", "right"], "foundation": FLOOR_AND_WALL}
     assert warnings(pulled, contact=covered) == []
     (warning,) = warnings(pulled, contact={"on": "bottom", "foundation": FLOOR_AND_WALL})
-    assert "near (1, " in warning
+    assert warning.numbers["place"].startswith("1, ")
 
 
 @pytest.mark.serial

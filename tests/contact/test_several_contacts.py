@@ -58,14 +58,6 @@ def test_two_parts_without_a_common_node_are_one_contact_or_two(dim: int, n: flo
     assert [np.sign(part["contact_force"][-1]) for part in parts] == [1.0, -1.0]
 
 
-def test_friction_of_one_contact_leaves_the_other_frictionless() -> None:
-    entries = [{"on": "bottom", "friction": {"coefficient": 0.0}}, {"on": "top", "gap": -0.003}]
-    solution = solved(between(2, entries))
-    smooth, rough = solution.summary["contacts"]
-    assert smooth["friction_force"] == [0.0, 0.0] and smooth["contact_area"] > 0.0
-    assert abs(rough["friction_force"][0]) > 1e-6
-
-
 def test_loads_that_press_the_body_onto_neither_foundation_are_refused() -> None:
     loads = {"tractions": [{"on": "right", "value": [0.01, 0.0]}]}
     contact = [{"on": "bottom"}, {"on": "left", "friction": {"coefficient": 0.0}}]

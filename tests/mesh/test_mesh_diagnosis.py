@@ -48,9 +48,9 @@ def test_a_group_off_the_body_is_refused_where_it_is_used_and_else_warned_of(
 ) -> None:
     named: Groups = {"dangling": [(5, 6)], **BODY}
     path = shared(comm, tmp_path, [*SQUARE, (2, 0), (3, 0)], named)
-    (warning,) = check(study(path), comm)["warnings"]
-    assert "group 'dangling': 1 of its 1 lines are not on the boundary" in warning
-    assert "such as line 1 at (2.5, 0)" in warning
+    (finding,) = check(study(path), comm)["findings"]
+    assert finding.code == "mesh.group_off_boundary" and finding.key == str(path)
+    assert finding.numbers["count"] == 1
     with pytest.raises(InputError, match="'dangling': 1 of its 1 lines are not") as caught:
         check(study(path, contact={"on": "dangling"}), comm)
     assert caught.value.key == "contact.on"
@@ -60,7 +60,7 @@ def test_a_group_inside_the_body_is_refused_where_it_is_used(
     comm: MPI.Intracomm, tmp_path: Path
 ) -> None:
     path = shared(comm, tmp_path, SQUARE, {**BODY, "diagonal": [(1, 3)]})
-    assert check(study(path), comm)["warnings"] == []
+    assert check(study(path), comm)["findings"] == []
     with pytest.raises(
         InputError, match="'diagonal': 1 of its 1 lines are not on the boundary"
     ) as caught:
@@ -82,8 +82,9 @@ def test_a_crack_is_a_warning(comm: MPI.Intracomm, tmp_path: Path) -> None:
     points = [*SQUARE, (0.5, 0.5), (0, 0.5), (0, 0.5)]
     body = [(1, 2, 5), (2, 3, 5), (3, 4, 5), (1, 5, 6), (7, 5, 4)]
     named: Groups = {"bottom": [(1, 2)], "left": [(1, 6), (7, 4)], "body": body}
-    (warning,) = check(study(shared(comm, tmp_path, points, named)), comm)["warnings"]
-    assert "the body is cut where nodes are double: nodes 6 and 7 are both at (0, 0.5)" in warning
+    (finding,) = check(study(shared(comm, tmp_path, points, named)), comm)["findings"]
+    assert finding.code == "mesh.cut"
+    assert finding.numbers["nodes"] == "nodes 6 and 7 are both at (0, 0.5)"
 
 
 def test_parts_that_meet_in_a_node_are_parts(comm: MPI.Intracomm, tmp_path: Path) -> None:
@@ -97,8 +98,9 @@ def test_parts_that_meet_in_a_node_are_parts(comm: MPI.Intracomm, tmp_path: Path
 def test_a_thin_triangle_is_a_warning(comm: MPI.Intracomm, tmp_path: Path) -> None:
     points, named = [*SQUARE, (0.5, -1e-8)], {**BODY, "body": [*BODY["body"], (1, 2, 5)]}
     domain = from_file(shared(comm, tmp_path, points, named), comm)
-    (warning,) = domain.warnings
-    assert "triangle 6 at (0.5, -3.33333e-09) has nearly collapsed" in warning
+    (finding,) = domain.findings
+    assert (finding.code, finding.numbers["count"]) == ("mesh.thin_cells", 1)
+    assert finding.numbers["cell"] == "triangle 6 at (0.5, -3.33333e-09)"
 
 
 @pytest.mark.parametrize("contact", ["bottom", ["bottom", "shore"]])
@@ -125,7 +127,7 @@ def test_a_file_gives_the_same_domain_as_the_builder_that_wrote_it(
     comm.Barrier()
     one, two = from_geometry(block, comm), from_file(path, comm)
     assert (one.facet_names, one.cell_names) == (two.facet_names, two.cell_names)
-    assert not two.warnings and two.part_names == ("the body",)
+    assert not two.findings and two.part_names == ("the body",)
     assert two.mesh.geometry.x == pytest.approx(one.mesh.geometry.x, abs=1e-12)
     for name in one.facet_names:
         assert np.array_equal(one.facets([name]), two.facets([name]))

@@ -9,6 +9,7 @@ from mpi4py import MPI
 
 from contact_locking import InputError
 from contact_locking.command import cli
+from contact_locking.findings import Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
@@ -52,15 +53,15 @@ TETRAHEDRON = """*NODE
 """
 
 
-def converted(folder: Path, deck: str) -> tuple[Domain, list[str]]:
+def converted(folder: Path, deck: str) -> tuple[Domain, list[Finding]]:
     source = folder / "part.inp"
     source.write_text(deck, encoding="utf-8")
     domain = from_file(source, MPI.COMM_SELF)
-    return domain, list(domain.warnings)
+    return domain, list(domain.findings)
 
 
 def test_sets_of_cells_are_regions_and_sets_of_nodes_are_boundary_parts(tmp_path: Path) -> None:
-    domain, (warning,) = converted(tmp_path, PLATE)
+    domain, (finding,) = converted(tmp_path, PLATE)
     assert {name: len(domain.cells(name)) for name in domain.cell_names} == {
         "PLATE": 2,
         "INSERT": 2,
@@ -69,7 +70,7 @@ def test_sets_of_cells_are_regions_and_sets_of_nodes_are_boundary_parts(tmp_path
         "SOLE": 2,
         "SKIN": 6,
     }
-    assert warning.endswith("these sets have no facet on the boundary: MIDDLE")
+    assert (finding.code, finding.numbers) == ("mesh.empty_sets", {"names": "MIDDLE"})
 
 
 @pytest.mark.parametrize(
@@ -114,8 +115,8 @@ def test_quadrilaterals_of_every_name_are_read_with_their_surfaces(
     cell = "1, 1,2,3,4,\n5,6,7,8" if second else "1, 1,2,3,4"
     deck = f"*NODE\n{SQUARE_NODES}{MIDDLES}*ELEMENT, TYPE={kind}, ELSET=BODY\n{cell}\n"
     deck += "*SURFACE, NAME=SOLE, TYPE=ELEMENT\n1, S1\n*SURFACE, NAME=ROUND\nBODY\n"
-    domain, warnings = converted(tmp_path, deck)
-    assert sizes(domain) == {"SOLE": 1, "ROUND": 4} and len(warnings) == second
+    domain, findings = converted(tmp_path, deck)
+    assert sizes(domain) == {"SOLE": 1, "ROUND": 4} and len(findings) == second
 
 
 @pytest.mark.parametrize("side", [1, 3, 6])
@@ -135,8 +136,9 @@ def test_elements_of_other_kinds_are_left_out_and_counted(tmp_path: Path) -> Non
         "*ELEMENT, TYPE=S4, ELSET=SKIN\n5, 1,2,3,4\n*ELEMENT, TYPE=DCOUP3D\n6, 1\n"
         "*ELSET, ELSET=ALL\nBODY, SP, M\n"
     )
-    domain, (warning,) = converted(tmp_path, deck)
-    assert warning.endswith("left out: 1 DCOUP3D, 1 MASS, 1 S4, 2 SPRINGA")
+    domain, (finding,) = converted(tmp_path, deck)
+    assert (finding.code, finding.numbers["count"]) == ("mesh.other_elements", 5)
+    assert finding.numbers["elements"] == "1 DCOUP3D, 1 MASS, 1 S4, 2 SPRINGA"
     assert domain.num_cells == 1 and sizes(domain) == {"SKIN": 1}
 
 
@@ -147,10 +149,11 @@ def test_sets_are_generated_with_and_without_their_step_and_name_other_sets(tmp_
         "*ELSET, ELSET=E, GENERATE\n1, 1\n*NSET, NSET=OF_E, ELSET=E\n"
         "*SURFACE, NAME=NODES, TYPE=NODE\nSOLE,\n"
     )
-    domain, (warning,) = converted(tmp_path, deck)
+    domain, (finding,) = converted(tmp_path, deck)
     # BOTH has the nodes 1 to 7.
     expected = {"SOLE": 1, "FRONT": 1, "BOTH": 3, "OF_E": 6, "NODES": 1}
-    assert sizes(domain) == expected and warning.endswith("no facet on the boundary: ODD")
+    assert sizes(domain) == expected
+    assert (finding.code, finding.numbers) == ("mesh.empty_sets", {"names": "ODD"})
 
 
 PART = f"*Part, name=Cube\n{CUBE}*NSET, NSET=SOLE\n1, 2, 3, 4\n*NSET, NSET=Top\n1\n*End Part\n"
@@ -165,8 +168,8 @@ def test_a_part_keeps_the_names_of_its_sets_apart_from_those_of_the_assembly(
         "*Elset, elset=_Wall_S4, internal, instance=One\n1,\n"
         "*Surface, type=ELEMENT, name=Wall\n_Wall_S4, S4\n*End Assembly\n"
     )
-    domain, (warning,) = converted(tmp_path, deck)
-    assert warning.endswith("no facet on the boundary: Cube.Top") and domain.num_cells == 1
+    domain, (finding,) = converted(tmp_path, deck)
+    assert finding.numbers == {"names": "Cube.Top"} and domain.num_cells == 1
     assert sizes(domain) == {"Cube.SOLE": 1, "Top": 1, "Both": 6, "Wall": 1}
     assert set(domain.cell_names) == {"Cube.BODY"}
 

@@ -70,7 +70,7 @@ def test_a_mesh_that_was_written_is_read_with_the_same_groups(
     export(made, folder / "block.xdmf")
     read = from_file(folder / "block.xdmf", comm)
     assert read.cell_names == made.cell_names and read.facet_names == made.facet_names
-    assert not read.warnings and read.part_names == ("the body",)
+    assert not read.findings and read.part_names == ("the body",)
     for one, two in zip(groups(made), groups(read), strict=True):
         assert (one.name, one.dim, one.count) == (two.name, two.dim, two.count)
         assert one.measure == pytest.approx(two.measure, rel=1e-12)
@@ -93,7 +93,8 @@ def test_a_group_partly_inside_the_body_keeps_its_boundary_with_a_warning(
 ) -> None:
     named: Groups = {**BODY, "bottom": [(1, 2), (1, 3)]}
     facts = check(study(written(folder, comm, SQUARE, named)), comm)
-    assert "'bottom': 1 of its 2 lines are not on the boundary" in facts["warnings"][0]
+    (finding,) = facts["findings"]
+    assert (finding.code, finding.numbers["count"]) == ("mesh.group_off_boundary", 1)
     (bottom,) = [group for group in facts["groups"] if group.name == "bottom"]
     assert bottom.measure == pytest.approx(1.0)
 

@@ -269,16 +269,6 @@ def test_an_argument_of_another_kind_is_refused_with_its_key(
     assert f"This is about {key}." in "".join(traceback.format_exception(caught.value))
 
 
-def test_a_gap_that_is_no_distance_is_warned_of(space: fem.FunctionSpace) -> None:
-    for factor, count in ((1.0, 0), (1.15, 0), (10.0, 1), (-1.0, 1)):
-        problem = pressed(space, foundation=Own(gap=lambda gap, factor=factor: factor * gap))
-        warnings = problem.solve(certificate=False).summary["warnings"]
-        told = [text for text in warnings if "a distance by 1" in text]
-        assert len(told) == count, (factor, warnings)
-        assert all(text.startswith("contacts.0.foundation: along") for text in told)
-        problem.close()
-
-
 def test_constants_of_dolfinx_move_foundations_and_change_gap_and_friction(
     space: fem.FunctionSpace,
 ) -> None:

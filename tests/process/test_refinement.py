@@ -110,7 +110,7 @@ def test_a_finer_mesh_is_the_mesh_of_a_body_without_flat_cells(name: str) -> Non
     for _ in range(rounds):
         mesh = refined(mesh, near(mesh, mesh.data.points[0], 0.05), geometry.curved)
     found = checked(mesh.data)
-    assert not found.warnings and not found.unusable
+    assert not found.findings and not found.unusable
     assert CellFacets(found).parts[0] == 1 and set(measures(mesh)) == names
     # Longest edges are bisected: in 2D no angle is less than half of the smallest one.
     assert flattest(mesh) > 0.2 * first

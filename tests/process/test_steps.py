@@ -18,7 +18,7 @@ from report_folder import quick
 from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve, solve_steps, study_file
-from contact_locking.certificate import energy
+from contact_locking.certificate import balances as energy
 from contact_locking.monitor import Monitor
 from contact_locking.results.table import Table
 from contact_locking.running.run import run
@@ -286,6 +286,32 @@ def test_a_killed_run_goes_on_from_its_last_complete_step(fields: bool, tmp_path
     report.write(folder)
     charts = {path.stem for path in (folder / "report").glob("*.svg")}
     assert {"history-force", "history-area", "history-energy", "history-moment"} <= charts
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"penalty__n": 1e4},
+        {"material__elasticity": {"young": 2.0, "poisson": 0.3}},
+        {"material__locking_limit": 0.03},
+        {"friction__coefficient": 0.15},
+        {},
+    ],
+)
+def test_a_process_that_goes_on_with_other_data_balances_the_steps_after_the_first(
+    changes: dict[str, Any], tmp_path: Path
+) -> None:
+    folder = shared(tmp_path)
+    save(all_of(sheared(4, 0.5))[2], folder)
+    old, first, second = solve_steps(sheared(5, 0.625, **changes), restart=folder)
+    assert first.converged and second.converged
+    assert old.converged == (not changes)
+    defects = second.history.column("energy_defect")
+    assert np.flatnonzero(np.isnan(defects)).tolist() == ([3] if changes else [])
+    assert defects[4] <= 1e-6 and np.isfinite(second.history.column("work_total")).all()
+    codes = [warning.code for warning in first.warnings]
+    assert codes.count("steps.restart") == bool(changes)
+    assert ("energy_balance" in first.certificate.criteria) == (not changes)
 
 
 def test_a_process_does_not_go_on_from_a_static_solution(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from contact_locking import InputError, StudySolution, solve, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
 from contact_locking.files.readable import LARGEST_FILE
+from contact_locking.findings import Finding
 from contact_locking.meshes.geometry import empty_model
 from contact_locking.shapes.tool_files import read_stl
 from contact_locking.study import assembly
@@ -118,15 +119,15 @@ BELOW = box([-1.0, -1.0, -1.0], [2.0, 2.0, -0.005])
 TEXT, BINARY = ascii_stl(BELOW), binary_stl(BELOW)
 
 
-def warned(foundation: dict[str, Any], dim: int = 3) -> list[str]:
-    """The warnings about the tool below a body."""
+def warned(foundation: dict[str, Any], dim: int = 3) -> list[Finding]:
+    """The findings about the tool below a body."""
     from mpi4py import MPI
 
     h = 0.5 if dim == 3 else 0.25
     given = block(dim, h, contact={"on": "bottom", "foundation": foundation})
     problem = assemble(given, MPI.COMM_SELF)
     problem.close()
-    return [text for text in problem.warnings if text.startswith("contact.foundation")]
+    return [each for each in problem.findings if each.key.startswith("contact.foundation")]
 
 
 def written(folder: Path, triangles: FloatArray) -> dict[str, Any]:
@@ -150,22 +151,20 @@ def test_an_open_tool_is_warned_of_and_its_rim_must_not_be_behind_the_body(tmp_p
     top = BELOW[8:10]
     assert np.ptp(top[:, :, 2]) == 0.0
     (open_,) = warned(written(tmp_path, top))
-    assert "the surface is open, 4 edges have one triangle only" in open_
+    assert (open_.code, open_.numbers["count"]) == ("foundation.open", 4)
     small = top * [0.2, 0.2, 1.0]
     first, second = warned(written(tmp_path, small))
-    assert "open" in first and "lies beyond the end of the open foundation" in second
+    assert (first.code, second.code) == ("foundation.open", "foundation.end")
     said = refusal(written(tmp_path, small + np.array([0.0, 0.0, 0.1])))
     assert "reaches around the end of the open foundation" in said
 
 
-def test_a_closed_tool_that_is_inside_out_is_turned_with_a_warning(tmp_path: Path) -> None:
+def test_a_closed_tool_that_is_inside_out_is_refused_and_can_be_turned(tmp_path: Path) -> None:
     inverted = written(tmp_path, BELOW[:, ::-1])
-    (said,) = warned(inverted)
-    assert "the body is not in the hole" in said and "turned: true" in said
+    assert "turned: true" in refusal(inverted)
     assert warned({"surface": inverted["surface"] | {"turned": True}}) == []
     square = [[-2, -0.005], [-2, -3], [3, -3], [3, -0.005], [-2, -0.005]]
-    (said,) = warned({"polyline": square[::-1]}, 2)
-    assert "the body is not in the hole" in said and "reverse the corners" in said
+    assert "reverse the corners" in refusal({"polyline": square[::-1]}, 2)
     assert warned({"polyline": square}, 2) == []
 
 
@@ -180,8 +179,8 @@ def test_degenerate_triangles_and_copies_are_left_out(tmp_path: Path) -> None:
     needle = np.array([[BELOW[0, 0], BELOW[0, 0], BELOW[0, 1]], [BELOW[0, 0]] * 3])
     bad = np.concatenate([BELOW, needle, BELOW[3:4], BELOW[5:6, [1, 2, 0]]])
     flat, copies = warned(written(tmp_path, bad))
-    assert "2 degenerate triangles were left out" in flat
-    assert "2 copies of triangles were left out" in copies
+    assert (flat.code, flat.numbers["count"]) == ("foundation.degenerate", 2)
+    assert (copies.code, copies.numbers["count"]) == ("foundation.copies", 2)
     assert "degenerate triangles only" in refusal(written(tmp_path, needle))
 
 
@@ -201,13 +200,14 @@ def test_triangles_that_look_to_different_sides_are_refused(tmp_path: Path) -> N
 
 def test_a_tool_far_away_or_in_other_units_is_warned_of(tmp_path: Path) -> None:
     (far,) = warned(written(tmp_path, BELOW - [0.0, 0.0, 30.0]))
-    assert "contact.foundation: the body is 1 long, and the foundation is 30 away" in far
-    first, *_ = warned(written(tmp_path, 1000.0 * BELOW))
-    assert "it is 3e+03 long, and the body 1; are its units those of the mesh?" in first
-    first, *_ = warned(written(tmp_path, 0.001 * BELOW))
-    assert "it is 0.003 long" in first
+    assert (far.code, far.key) == ("foundation.far", "contact.foundation")
+    assert far.numbers == pytest.approx({"extent": 1.0, "distance": 30.0}, rel=1e-3)
+    for scale in (1000.0, 0.001):
+        size, *_ = warned(written(tmp_path, scale * BELOW))
+        assert size.code == "foundation.size"
+        assert size.numbers == pytest.approx({"extent": 1.0, "size": 3.0 * scale})
     (far,) = warned({"half_space": {"point": [0, -30], "normal": [0, 1]}}, 2)
-    assert "30 away from Gamma_C" in far
+    assert (far.code, far.numbers["distance"]) == ("foundation.far", pytest.approx(30.0))
 
 
 @pytest.mark.parametrize(
@@ -250,7 +250,6 @@ def test_any_damage_to_a_file_is_read_or_refused(tmp_path: Path) -> None:
     [
         lambda file: None,
         lambda file: file.mkdir(),
-        lambda file: file.write_bytes(b""),
     ],
 )
 def test_a_missing_file_is_a_fault_of_the_study_file(make: Any, tmp_path: Path) -> None:
@@ -268,10 +267,7 @@ def test_a_file_of_a_gigabyte_is_refused_by_its_size_alone(tmp_path: Path) -> No
     with file.open("wb") as stream:
         stream.truncate(1_000_000_000)
     began = time.perf_counter()
-    given = {"mesh": {"dim": 3}, "contact": {"foundation": {"surface": "tool.stl"}}}
     with pytest.raises(InputError, match="has 1000 MB, and at most 250 MB are read"):
-        from_mapping(given, tmp_path)
-    with pytest.raises(InputError, match="at most 250 MB"):
         read_stl(file)
     assert time.perf_counter() - began < 1.0
     assert LARGEST_FILE < 1_000_000_000
@@ -372,16 +368,16 @@ def test_every_shape_on_every_pad_has_the_force_or_a_warning(shape: str, tmp_pat
     check(shape, [0.25, 0.125], 0.0625, tmp_path)
 
 
-def _warnings(folder: Path, changes: dict[str, Any]) -> list[str]:
-    """The warnings of ``check``."""
-    return assembly.check(study_file.load(changed(folder, changes)).parameters)["warnings"]
+def _findings(folder: Path, changes: dict[str, Any]) -> list[Finding]:
+    """The findings of ``check``."""
+    return assembly.check(study_file.load(changed(folder, changes)).parameters)["findings"]
 
 
 @pytest.mark.parametrize("load", ["-0.1 if x < 0.3 else 0", "-0.1*sqrt(x)", "-0.1*sin(5*x)"])
 def test_jumps_and_bends_of_a_load_are_not_warned_of(load: str, tmp_path: Path) -> None:
     tractions = [{"on": "top", "value": [0, load]}]
     changes = {"mesh.h": 0.15, "loads.tractions": tractions, "loads.body_force": [0, load]}
-    assert _warnings(tmp_path, changes) == []
+    assert _findings(tmp_path, changes) == []
 
 
 @pytest.mark.parametrize(
@@ -390,9 +386,9 @@ def test_jumps_and_bends_of_a_load_are_not_warned_of(load: str, tmp_path: Path) 
 def test_a_body_wholly_inside_the_foundation_is_warned_of(
     contact: dict[str, Any], tmp_path: Path
 ) -> None:
-    (warning,) = _warnings(tmp_path, {"contact": {"on": "bottom"} | contact})
-    assert warning.startswith(f"contact.{next(iter(contact))}: all of the body lies inside")
-    assert _warnings(tmp_path, {"contact": {"on": "bottom", "gap": -0.01}}) == []
+    (finding,) = _findings(tmp_path, {"contact": {"on": "bottom"} | contact})
+    assert (finding.code, finding.key) == ("gap.inside", f"contact.{next(iter(contact))}")
+    assert _findings(tmp_path, {"contact": {"on": "bottom", "gap": -0.01}}) == []
 
 
 def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_can_read(
@@ -416,7 +412,7 @@ def test_the_default_radius_is_not_warned_of_and_smooths(kernel: str, tmp_path: 
     changes = {"friction.smoothing": {"kernel": kernel}, "mesh.h": 0.25}
     study = study_file.load(changed(tmp_path, changes))
     made = assemble(study.parameters, MPI.COMM_SELF)
-    assert made.warnings == []
+    assert made.findings == []
     (contact,) = made.contacts
     x = contact.surface.points[:, 0]
     # The value at each node takes part of its neighbours'.
@@ -442,13 +438,12 @@ def test_a_filter_with_a_huge_radius_is_the_mean(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("radius", [0.01, 0.25])
-def test_radius_not_above_the_mesh_size_is_a_warning_only(
-    radius: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_radius_that_is_not_above_the_mesh_size_is_a_finding(
+    radius: float, tmp_path: Path
 ) -> None:
-    file = changed(tmp_path, {"friction.smoothing.radius": radius, "mesh.h": 0.25})
-    assert cli.main(["check", str(file), "--set", f"output.directory={tmp_path}/out"]) == 0
-    warning = capsys.readouterr().err
-    assert "friction.smoothing.radius" in warning and "on bottom, so R hardly smooths" in warning
+    (finding,) = _findings(tmp_path, {"friction.smoothing.radius": radius, "mesh.h": 0.25})
+    assert (finding.code, finding.key) == ("smoothing.radius", "friction.smoothing.radius")
+    assert finding.numbers["size"] == pytest.approx(0.25) and finding.numbers["on"] == "bottom"
 
 
 def _pressed_from_above(foundation: dict[str, Any], **more: Any) -> dict[str, Any]:
@@ -468,9 +463,9 @@ def _ball(height: float, **more: Any) -> dict[str, Any]:
 
 def test_friction_on_a_ball_that_is_drawn_at_its_last_place_is_warned_of(tmp_path: Path) -> None:
     """Its friction force is 0.00477, and that of the ball that came there 0.00240."""
-    (warning,) = _warnings(tmp_path, _pressed_from_above(_ball(3.94)))
-    assert warning.startswith("contact.foundation: it overlaps the body at rest by up to 0.06, ")
-    assert "contact.foundation.motion" in warning
+    (finding,) = _findings(tmp_path, _pressed_from_above(_ball(3.94)))
+    assert (finding.code, finding.key) == ("foundation.overlap", "contact.foundation")
+    assert finding.numbers["depth"] == pytest.approx(0.06, rel=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -494,7 +489,7 @@ def test_friction_on_a_ball_that_is_drawn_at_its_last_place_is_warned_of(tmp_pat
 def test_other_foundations_with_friction_are_not_warned_of(
     changes: dict[str, Any], tmp_path: Path
 ) -> None:
-    assert _warnings(tmp_path, changes) == []
+    assert _findings(tmp_path, changes) == []
 
 
 @pytest.mark.parametrize("moves", [False, True])
@@ -502,7 +497,6 @@ def test_a_foundation_at_right_angles_to_the_contact_is_warned_of_unless_it_move
     moves: bool, tmp_path: Path
 ) -> None:
     foundation = {"expression": "x + 1"} | ({"motion": [0, 0]} if moves else {})
-    found = _warnings(tmp_path, {"contact": {"on": "bottom", "foundation": foundation}})
-    told = [text for text in found if "at right angles" in text]
-    assert len(told) == (0 if moves else 1)
-    assert all(text.startswith("contact.foundation.expression: ") for text in told)
+    found = _findings(tmp_path, {"contact": {"on": "bottom", "foundation": foundation}})
+    keys = [each.key for each in found if each.code == "foundation.right_angles"]
+    assert keys == ([] if moves else ["contact.foundation.expression"])

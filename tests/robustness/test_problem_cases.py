@@ -19,7 +19,7 @@ from sweep.case import Case, Study, clamp, study
 from sweep.solve import SOLVED, WEDGED, outcome_of_case
 
 from contact_locking import study_file
-from contact_locking.fields.findings import Finding
+from contact_locking.findings import Finding
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study_file.dump import plain

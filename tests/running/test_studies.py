@@ -5,19 +5,14 @@ from __future__ import annotations
 import json
 import shutil
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
-from rich.console import Console
 from study_folder import STUDY, Folder, solved
 
 from contact_locking import meshes, study_file
 from contact_locking.command import cli, terminal
 from contact_locking.command.cli import parse
 from contact_locking.errors import InputError
-from contact_locking.running.cases import Outcome
-from contact_locking.running.runner import Study, View
 
 pytestmark = pytest.mark.serial
 
@@ -195,20 +190,3 @@ def test_a_study_is_not_started_under_mpirun(
     monkeypatch.setattr(terminal, "world", object)
     with pytest.raises(InputError, match="without mpirun: --ranks K"):
         cli._run_command(parse(["study", str(folder.file)]))
-
-
-def test_a_terminal_shows_how_far_a_study_is(
-    folder: Folder, capsys: pytest.CaptureFixture[str]
-) -> None:
-    folder.write("{vary: {penalty.n: [10, 3, 30]}}")
-    first, second, third = Study.of(folder.load()).cases
-    third.folder.mkdir(parents=True)
-    (third.folder / "log.txt").write_text("  stage 1/1  n = 30  iteration 7\n")
-    running: Any = SimpleNamespace(case=third, seconds=10.0)
-    with View(Console(force_terminal=True, width=100), 3) as view:
-        view.ended(first, Outcome("converged", summary={"warnings": ["no [picture]"]}), 30.0)
-        view.ended(second, Outcome("not converged", "[too] steep"), 50.0)
-        view.show([running])
-        shown = capsys.readouterr().out
-    for part in ("[1/3]", "no [picture]", "[too] steep", "2 of 3 done", "iteration 7"):
-        assert part in shown

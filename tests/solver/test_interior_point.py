@@ -6,7 +6,6 @@ import math
 
 import pytest
 from problems import block, solved
-from slow import slow
 from solved_by_cg import crushed_steel
 
 from contact_locking.errors import NotConverged
@@ -14,14 +13,6 @@ from contact_locking.running import solving
 from contact_locking.solver.linear.gmres import MultigridTangents
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE
 from contact_locking.study_file.parameters import Parameters
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("coefficient", [0.3, slow(1.0)])
-def test_iterations_hardly_depend_on_n(coefficient: float) -> None:
-    for n in (1e2, 1e4, 1e6, 1e8, math.inf):
-        solution = solved(block(h=0.1, penalty__n=n, friction__coefficient=coefficient))
-        assert solution.summary["iterations"]["tangents"] <= 30
 
 
 def _stretched(by: float, n: float) -> Parameters:
@@ -71,7 +62,7 @@ def test_penalty_lets_the_strain_exceed_a_limit_that_cannot_be_kept() -> None:
     assert solution.converged
     assert solution.summary["strain_norm_max"] > 0.0205
     soft = solving.solve(_stretched(0.03, 1e1))
-    assert any(getattr(warning, "code", "") == "limit.exceeded" for warning in soft.warnings)
+    assert any(warning.code == "limit.exceeded" for warning in soft.warnings)
 
 
 def test_an_iterative_solver_solves_at_n_infinite_on_any_number_of_ranks() -> None:

@@ -41,28 +41,6 @@ def test_an_elastic_body_with_friction_takes_few_tangents_to_the_same_solution()
 
 
 @pytest.mark.parametrize("n", [math.inf, 1e4])
-def test_nodes_that_leave_the_contact_one_by_one_take_few_tangents(n: float) -> None:
-    """Hertz's cylinder."""
-    disc = {"builder": "disc", "quarter": True, "radius": 1.0, "h": 0.2}
-    study = Parameters.model_validate(
-        {
-            "mesh": disc | {"h_contact": 0.004, "contact_width": 0.15},
-            "loads": {
-                "tractions": [{"on": "top", "value": [0.0, -0.003]}],
-                "displacements": [{"on": "symmetry", "value": [0.0, None]}],
-            },
-            "contact": {
-                "on": "contact",
-                "foundation": {"half_space": {"point": [0.0, 0.0], "normal": [0.0, 1.0]}},
-            },
-            "penalty": {"n": n},
-        }
-    )
-    found = solving.solve(study)
-    assert found.converged and found.summary["iterations"]["tangents"] <= 8
-
-
-@pytest.mark.parametrize("n", [math.inf, 1e4])
 def test_steps_go_on_from_the_locked_cells_of_the_last(n: float) -> None:
     material = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.02}
     tractions = [{"on": "top", "value": ["0.03*(1 + 0.1*t)", -0.05]}]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import io
 import os
 import subprocess
 import sys
@@ -13,12 +12,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from contact_locking import study_file
 from contact_locking.command import cli
-from contact_locking.running.executor import Plan
-from contact_locking.running.runner import Study, finish
+from contact_locking.running.runner import Plan, Study, finish
 
 FAKE = (sys.executable, str(Path(__file__).parent / "fake_case.py"))
 STUDY = """\
@@ -51,11 +48,9 @@ class Folder:
 
     def run(self, jobs: int = 4) -> str:
         """Run the study with the fake program, and return what is said."""
-        stream = io.StringIO()
-        plan = Plan(jobs, program=FAKE)
-        file = self.load()
-        finish(Study.of(file), file.parameters, plan, Console(file=stream, width=200))
-        return stream.getvalue()
+        lines, file = list[str](), self.load()
+        finish(Study.of(file), file.parameters, Plan(jobs, program=FAKE), lines.append)
+        return "\n".join(lines)
 
     def started(self) -> list[str]:
         """penalty.n of all cases that were begun since the last call."""
@@ -76,10 +71,10 @@ class Folder:
         """The command line as a process of its own, with the fake program."""
         script = f"""
         import functools, sys
-        from contact_locking.running import executor
+        from contact_locking.running import runner
         from contact_locking.command import cli
-        executor.Plan = functools.partial(executor.Plan, program={FAKE!r})
-        sys.exit(cli.main(sys.argv[1:]))
+        runner.Plan = functools.partial(runner.Plan, program={FAKE!r})
+        sys.exit(cli.main())
         """
         program = [sys.executable, "-c", textwrap.dedent(script)]
         options = ["--output", str(self.output), "--ranks", str(ranks)]

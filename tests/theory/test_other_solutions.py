@@ -75,13 +75,6 @@ def test_a_tool_that_no_force_pushes_may_travel() -> None:
     assert second[0] == UNIQUE
 
 
-def test_an_axisymmetric_body_has_play_along_its_axis() -> None:
-    mesh = {"builder": "block", "h": 0.25, "axisymmetric": True}
-    verdict, why = said(solved(study({}, between(), mesh=mesh)))
-    assert verdict == OTHERS
-    assert why.endswith("translation along y, the axis")
-
-
 @pytest.mark.parametrize(("gap", "verdict"), [(0.01, OWN_ENERGY), (-0.002, IF_CONVEX)])
 def test_with_an_energy_of_the_users_own_its_convexity_is_assumed(gap: float, verdict: str) -> None:
     given = study({"displacements": [_LEFT]}, between(gap), penalty={"n": 1e3})

@@ -30,7 +30,7 @@ def solved(data: dict[str, Any]) -> StudySolution:
         )
     )
     assert solution.converged, solution.summary["reason"]
-    assert all(getattr(text, "code", "") == "strain.large" for text in solution.warnings)
+    assert all(text.code == "strain.large" for text in solution.warnings)
     return solution
 
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from contact_locking.errors import NoRendering, NoRoom, is_full
 from contact_locking.files.atomic import require_room
+from contact_locking.findings import Finding
 from contact_locking.results.folder import PICTURE, TEXTS_BYTES
 
 if TYPE_CHECKING:
@@ -16,10 +17,10 @@ if TYPE_CHECKING:
     from contact_locking.view.pictures.style import Snapshot, Units
 
 
-def pictures(solution: Solution, folder: Path) -> list[str]:
-    """Draw the picture of a solution; returns warnings; collective."""
+def pictures(solution: Solution, folder: Path) -> list[Finding]:
+    """Draw the picture of a solution; returns findings; collective."""
     problem = picture(solution, folder)
-    return [problem] if problem else []
+    return [Finding("output.left_out", reason=problem)] if problem else []
 
 
 def picture(solution: Solution, folder: Path) -> str | None:
