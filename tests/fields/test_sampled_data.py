@@ -92,6 +92,12 @@ def test_a_load_that_is_mostly_lost_is_refused(load: str) -> None:
 _JUMPS: dict[str, tuple[str, Any, str, str]] = {
     "a gap": ("contact__gap", "0.01 if x < 0.43 else 0", "contact.gap", "facet"),
     "a pole of a gap": ("contact__gap", "0.1 + 1e-3/(x - 0.23)", "contact.gap", "facet"),
+    "friction": (
+        "friction__coefficient",
+        "0.3 if x < 0.43 else 0.1",
+        "friction.coefficient",
+        "facet",
+    ),
     "a limit in a half": (
         "material__locking_limit",
         "0.02 if x < 0.47 else inf",
@@ -126,7 +132,6 @@ def test_a_jump_or_a_spot_inside_of_a_cell_or_facet_is_warned_of_once(name: str)
         {"friction__coefficient": "0.6 - 0.4*s/(s + 0.01)"},
         {"friction__coefficient": "0.3 if x < 0.4 else 0.1"},
         {"material__locking_limit": "0.01 + 0.09*y"},
-        {"material__locking_limit": "0.02 if x < 0.4 else 0.1"},
         {"material__locking_limit": "0.02 if x < 0.4 else inf"},
     ],
 )
