@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from problems import block, solved
+from problems import block
 from solved_by_cg import crushed_steel
 
 from contact_locking.errors import NotConverged
@@ -18,13 +18,6 @@ from contact_locking.study_file.parameters import Parameters
 def _stretched(by: float, n: float) -> Parameters:
     ends = [{"on": "left", "value": [0.0, 0.0]}, {"on": "right", "value": [by, None]}]
     return block(penalty__n=n, loads={"displacements": ends})
-
-
-@pytest.mark.serial
-@pytest.mark.parametrize("by", [0.015, 0.0199])
-def test_displacements_that_the_locking_limit_allows_are_followed(by: float) -> None:
-    solution = solved(_stretched(by, math.inf))
-    assert solution.summary["strain_norm_max"] <= 0.02 * (1.0 + 1e-6)
 
 
 @pytest.mark.serial
