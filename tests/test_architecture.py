@@ -73,7 +73,7 @@ BUDGETS = {
     "mesh": 2590,
     "meshes": 1510,
     "penalty_method": 700,
-    "problem": 3010,
+    "problem": 3000,
     "process": 1890,
     "results": 2460,
     "running": 1230,

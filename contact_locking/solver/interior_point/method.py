@@ -103,13 +103,14 @@ class InteriorPoint:
     def finish(self, found: Outcome) -> Outcome:
         """A solution of the cones to its last digits, by the pieces of the laws; collective.
 
-        Cones leave locking stresses and penalised solutions rough.  A solution is as it was
+        Cones leave locking stresses, smooth friction and penalised solutions rough.  A solution is as it was
         where linear solves are iterative, and where that method does not arrive.
         """
         if self._pieces is not None or found.last is None:
             return found
+        penalty = self._task.target.penalty
         is_rough = bool(self._families.strains) or self._judge.leaves_gap
-        if self._task.target.penalty.is_strict and not is_rough:
+        if penalty.is_strict and not is_rough and not any(penalty.regularisations):
             return found
         return self._by_pieces(found.last) or found
 

@@ -22,6 +22,8 @@ _MOST = 10.0
 # The rounding of a product of three or four entries, as a share of its largest summand.  A larger
 # share leaves a gap that the criteria refuse where a slip is long beside the strain.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
+# A regularisation is long above so many times the least opening at the start.
+_LONG = 100.0
 # Products of a smaller share of their summands start too near the boundary of a cone.
 _INSIDE = 100.0 * _ROUNDING
 # Nodes whose friction was at least this share of its bound go on to slide in the next step.
@@ -77,7 +79,7 @@ class Slips(LorentzCones):
 
     def start_under(self, bound: FloatArray, pressure: FloatArray, least: float) -> None:
         """Start under a bound (k,), with products of at most ten times those of contact."""
-        if self.regularisation > least:
+        if self.regularisation > _LONG * least:
             # The bound times a long regularisation would be a product that takes many steps.
             self.z[0] = bound
             inside = _INSIDE * bound * self.regularisation / self.scale
