@@ -158,8 +158,8 @@ def test_a_study_goes_on_from_wherever_the_disk_was_full(
     folder.write("{vary: {penalty.n: [10, 20]}}")
     script = f"""
     import functools
-    from contact_locking.running import executor
-    executor.Plan = functools.partial(executor.Plan, program={FAKE!r})
+    from contact_locking.running import runner
+    runner.Plan = functools.partial(runner.Plan, program={FAKE!r})
     """
     words = ["study", str(folder.file), "--output", str(disk.out)]
     done = disk.run(f"{4 * pages}k", *words, script=script)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from problems import block
+from problems import block, solved
 from solved_by_cg import crushed_steel
 
 from contact_locking.errors import NotConverged

@@ -272,8 +272,8 @@ class ActiveSet:
 
     def _misfit(self) -> float:
         """How far reactions are from laws that are smooth, relative; collective."""
-        local = np.array([law.misfit() for law in self._laws.values()])
-        squares = self._tangent.comm.allreduce(local)
+        misfits = np.array([law.misfit() for law in self._laws.values()])
+        squares = self._tangent.comm.allreduce(misfits)
         return math.sqrt(max((miss / size for miss, size in squares if size > 0.0), default=0.0))
 
     def _rests(self) -> bool:

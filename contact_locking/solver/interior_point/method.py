@@ -103,8 +103,8 @@ class InteriorPoint:
     def finish(self, found: Outcome) -> Outcome:
         """A solution of the cones to its last digits, by the pieces of the laws; collective.
 
-        Cones leave locking stresses, smooth friction and penalised solutions rough.  A solution is as it was
-        where linear solves are iterative, and where that method does not arrive.
+        Cones leave locking stresses, smooth friction and penalised solutions rough.  A solution is
+        as it was where linear solves are iterative, and where that method does not arrive.
         """
         if self._pieces is not None or found.last is None:
             return found

@@ -22,10 +22,9 @@ _MOST = 10.0
 # The rounding of a product of three or four entries, as a share of its largest summand.  A larger
 # share leaves a gap that the criteria refuse where a slip is long beside the strain.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
-# A regularisation is long above so many times the least opening at the start.
-_LONG = 100.0
-# Products of a smaller share of their summands start too near the boundary of a cone.
-_INSIDE = 100.0 * _ROUNDING
+# A regularisation is long above so many times the least opening at the start; products of a smaller
+# share of their summands than the second number start too near the boundary of a cone.
+_LONG, _INSIDE = 100.0, 100.0 * _ROUNDING
 # Nodes whose friction was at least this share of its bound go on to slide in the next step.
 _SLIDES_ON = 1.0 - 1e-4
 # Newton's steps for the slip of one point, and the share of it that is rounding.
@@ -81,8 +80,7 @@ class Slips(LorentzCones):
         """Start under a bound (k,), with products of at most ten times those of contact."""
         if self.regularisation > _LONG * least:
             # The bound times a long regularisation would be a product that takes many steps.
-            self.z[0] = bound
-            inside = _INSIDE * bound * self.regularisation / self.scale
+            self.z[0], inside = bound, _INSIDE * bound * self.regularisation / self.scale
             self.settle(np.maximum(self._level, inside))
             return
         share = np.minimum(_MOST * pressure / bound, 1.0)

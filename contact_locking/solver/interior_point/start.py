@@ -28,13 +28,8 @@ class ElasticStart:
     """
 
     def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
-        self._task, self._system, self._target, self._tangent = (
-            task,
-            task.system,
-            task.target,
-            tangent,
-        )
-        self._tolerance, self._tuning = task.settings.tolerance, tuning
+        self._task, self._system, self._target = task, task.system, task.target
+        self._tangent, self._tolerance, self._tuning = tangent, task.settings.tolerance, tuning
         #: The strain of the elastic displacement, which others are compared with.
         self.strain = 0.0
         self._carried, self._springs_hold = 0.0, False
