@@ -189,7 +189,7 @@ class ContactProblem:
         solution = solver.solution(
             solver.state(report), None, extras, derivatives, certificate=certificate
         )
-        return solution.warned(*solver.unused_options())
+        return solution.with_warnings(*solver.unused_options())
 
     def report(self, after: Solution | None = None, start: Solution | None = None) -> Outcome:
         """How ``solver`` has solved for the present data; as in :meth:`solve`."""
@@ -210,7 +210,7 @@ class ContactProblem:
             sizes = [[len(memory.slip) for memory in each] for each in (after.state.contacts, rest)]
             if on_any_rank(self.domain.comm, sizes[0] != sizes[1]):
                 raise InputError("is a solution with other contacts or on another mesh", "after")
-        problem.enter(rest if after is None else after.state.contacts)
+        problem.set_memory(rest if after is None else after.state.contacts)
         self.refresh()
 
     def refresh(self) -> None:

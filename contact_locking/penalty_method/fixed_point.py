@@ -44,7 +44,7 @@ def fixed_point(
         task.monitor.friction_update(counts.updates, changes[-1], contraction)
         if changes[-1] <= settings.friction_tolerance:
             return changes[-1], contraction
-        bounds.enter(rubbing, new)
+        bounds.set(rubbing, new)
     factor = "" if contraction is None else f", contraction factor {contraction:.2f}"
     raise NotConverged(
         f"the friction bound still changes by {changes[-1]:.1e} of itself after "

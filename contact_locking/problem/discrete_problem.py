@@ -285,10 +285,10 @@ class DiscreteProblem:
         """The number of rigid motions that springs stop and no displacement condition does."""
         return sum(held.sprung for held in self.held)
 
-    def enter(self, states: Sequence[ContactState]) -> None:
+    def set_memory(self, states: Sequence[ContactState]) -> None:
         """Begin a step with the memory of friction at each contact; collective."""
         for contact, state in zip(self.contacts, states, strict=True):
-            contact.enter(state)
+            contact.set_memory(state)
 
     def at_rest(self) -> tuple[ContactState, ...]:
         """The memory of friction before the first step."""
@@ -297,25 +297,25 @@ class DiscreteProblem:
             for contact in self.contacts
         )
 
-    def place(self) -> None:
+    def update_foundations(self) -> None:
         """Take the present prescribed displacements, foundations and forces; collective.
 
         Raises InputError for a value that is not finite, and for a force that turns.
         """
         self.constraints.advance()
         for contact in self.contacts:
-            contact.place()
+            contact.update_foundation()
         for tool in self.data.tools:
             tool.advance()
 
-    def go_along(self, touching: Sequence[BoolArray]) -> bool:
+    def update_pairs(self, touching: Sequence[BoolArray]) -> bool:
         """Let bodies face each other as they do at the solution u; collective.
 
         ``touching`` are the nodes (k,) that touch at each contact.  Returns whether a frame has
         changed, so that u is the solution in the frame before.
         """
         pairs = zip(self.contacts, touching, strict=True)
-        return any([contact.go_along(self.u, touches) for contact, touches in pairs])
+        return any([contact.update_pairs(self.u, touches) for contact, touches in pairs])
 
     def refresh(self) -> None:
         """Take the present values of all data; collective.
@@ -325,7 +325,7 @@ class DiscreteProblem:
         self.material.refresh()
         self.limits.refresh()
         self.findings += [each for x in self.loads if x.is_timed for each in x.advance()]
-        self.place()
+        self.update_foundations()
 
     def _work(self) -> ufl.Form | None:
         """The loads, less the work of the stress of the body without strain."""

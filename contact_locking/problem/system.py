@@ -259,7 +259,7 @@ class System:
         """Take a displacement, travels and friction bounds."""
         self.u.x.array[:] = state.displacement
         self.tools.travels = state.travels
-        self.bounds.enter(self.contacts, state.bounds)
+        self.bounds.set(self.contacts, state.bounds)
 
     def function_of(self, values: FloatArray) -> fem.Function:
         """A displacement field with these owned values; collective."""

@@ -142,7 +142,7 @@ class ProblemSolver:
         problem, system = self.problem, self.system
         assert report.multipliers is not None
         touching = [forces.touches for forces in report.multipliers.contacts]
-        if not problem.go_along(touching):
+        if not problem.update_pairs(touching):
             return None
         return SavedState(
             problem.u.x.array.copy(),

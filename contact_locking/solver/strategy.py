@@ -40,7 +40,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
             outcome = reasons.explain(outcome)
             break
     stages = [stage_of(penalty, task.counts.tangents)]
-    outcome = replace(outcome.counted(task.counts, stages), warnings=warnings)
+    outcome = replace(outcome.with_counts(task.counts, stages), warnings=warnings)
     task.system.tools.rest(task.system.u)
     task.monitor.counted(outcome.tangents, outcome.updates)
     return outcome

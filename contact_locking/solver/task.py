@@ -200,7 +200,7 @@ class Outcome:
         """A solve whose criteria all hold."""
         return cls(multipliers, **others, converged=True, reason="every criterion held")
 
-    def counted(self, counts: Counts, stages: Sequence[dict[str, float | int]]) -> Outcome:
+    def with_counts(self, counts: Counts, stages: Sequence[dict[str, float | int]]) -> Outcome:
         """The same with what it took."""
         return dataclasses.replace(self, **vars(counts), stages=stages)
 
