@@ -196,7 +196,7 @@ class System:
         """The rigid body motions, orthonormal, for algebraic multigrid; collective."""
         # Axisymmetric bodies, too, get all motions of the plane, which they hardly resist away from
         # the axis: multigrid takes a third of the iterations.
-        return _rigid_motions(self.u.x.petsc_vec.duplicate(), self.u.function_space)
+        return near_nullspace(self.u.x.petsc_vec.duplicate(), self.u.function_space)
 
     def force_scale(self, tolerance: float) -> float:
         """``max(|f|, |a(u, .)|)`` over all dofs, at least what rounding makes; collective."""
@@ -271,7 +271,7 @@ class System:
         return field
 
 
-def _rigid_motions(vector: PETSc.Vec, space: fem.FunctionSpace) -> PETSc.NullSpace:
+def near_nullspace(vector: PETSc.Vec, space: fem.FunctionSpace) -> PETSc.NullSpace:
     """The rigid motions of a space as vectors like ``vector``, which is destroyed; collective."""
     points = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local]
     vector.array_w[:] = points[:, : vector.getBlockSize()].reshape(-1)
@@ -320,4 +320,4 @@ def affine_part(
     prolongation.setBlockSizes(dim, dim)
     for petsc_object in (plain, left, right, scaled, is_corner):
         petsc_object.destroy()
-    return prolongation, _rigid_motions(prolongation.createVecRight(), affine)
+    return prolongation, near_nullspace(prolongation.createVecRight(), affine)
