@@ -63,7 +63,7 @@ BUDGETS = {
     "": 1280,
     "certificate": 1730,
     "command": 940,
-    "contact": 3530,
+    "contact": 3520,
     "expressions": 660,
     "fem": 880,
     "fields": 370,
