@@ -127,7 +127,7 @@ def fixed_point(
         task.monitor.friction_update(counts.updates, changes[-1], contraction)
         if changes[-1] <= settings.friction_tolerance:
             return changes[-1], contraction
-        bounds.enter(rubbing, new)
+        bounds.set(rubbing, new)
     factor = "" if contraction is None else f", contraction factor {contraction:.2f}"
     raise NotConverged(
         f"the friction bound still changes by {changes[-1]:.1e} of itself after "
@@ -172,7 +172,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
         path = PenaltyPath.onwards(saved.penalty, task.target)
         try:
             outcome = _along(path, task, equations, stages)
-            return replace(outcome.counted(task.counts, stages), from_saved=True)
+            return replace(outcome.with_counts(task.counts, stages), from_saved=True)
         except NotConverged:
             task.system.clear()
             stages.clear()
@@ -181,7 +181,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     except NotConverged as failure:
         way_out = f"{_WAY_OUT}  {BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
         outcome = Outcome(equations.multipliers(), reason=str(failure), suggestion=way_out)
-    return outcome.counted(task.counts, stages)
+    return outcome.with_counts(task.counts, stages)
 
 
 def _along(
@@ -199,7 +199,7 @@ def _along(
             outcome = _settled(newton, task, equations)
         else:
             newton.solve(_INTERMEDIATE_TOLERANCE)
-            system.bounds.enter(system.rubbing, equations.friction_bounds())
+            system.bounds.set(system.rubbing, equations.friction_bounds())
             counts.updates += bool(system.rubbing)
         stages.append(stage_of(penalty, counts.tangents - before))
         task.monitor.counted(counts.tangents, counts.updates)

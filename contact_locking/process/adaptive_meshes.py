@@ -90,14 +90,14 @@ def adapted(
         monitor.mesh(len(meshes), words)
         if stopped and not is_reached:
             finding = Finding("adapt.stopped", reason=stopped)
-            solution = solution.warned(finding)
+            solution = solution.with_warnings(finding)
             monitor.message(f"warning: {finding}")
         about = {
             "tolerance": adaptation.tolerance,
             "reached": is_reached,
             "stopped": stopped or None,
         }
-        yield solution.telling(
+        yield solution.with_entries(
             adapt={**about, "meshes": [dict(entry) for entry in meshes]},
             wall_seconds=time.perf_counter() - began,
         )
