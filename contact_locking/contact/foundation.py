@@ -14,12 +14,11 @@ from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
 from contact_locking.fields.present import Clock, Entities, PresentValue, features
 from contact_locking.findings import Finding
-from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 from contact_locking.shapes.analytic import LevelSetAt
 from contact_locking.shapes.faceted import FacetedFoundation
-from contact_locking.shapes.shape import Distance, MovedDistance, OwnShape, Shape
+from contact_locking.shapes.shape import Distance, MovedDistance, OwnShape, RigidMotion, Shape
 from contact_locking.values.value import Value
 
 _TOO_FAR = "its distance is not a finite number: the foundation is too far away or too large"

@@ -17,7 +17,7 @@ import basix
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
-from contact_locking.mesh.cell_kind import CellKind, facet_normals, unit_normals
+from contact_locking.mesh.data import CellKind, facet_normals, unit_normals
 
 # By this factor the integrals of functions over quadrilaterals become more accurate than by a rule
 # that is exact for parallelograms, which these are up to a factor of rounding.  The last factor is

@@ -33,7 +33,7 @@ from contact_locking.errors import InputError, Misplaced
 from contact_locking.fem.contact_operator import ContactOperator
 from contact_locking.fem.spaces import Element, facet_nodes
 from contact_locking.findings import Finding
-from contact_locking.mesh.cell_kind import unit_normals
+from contact_locking.mesh.data import unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.supports.conditions import Constraints
 

@@ -61,7 +61,7 @@ from contact_locking.contact.overlap import (
     quadrature,
     summed,
 )
-from contact_locking.mesh.cell_kind import CellKind, corner_normals, facet_normals, unit_normals
+from contact_locking.mesh.data import CellKind, corner_normals, facet_normals, unit_normals
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix

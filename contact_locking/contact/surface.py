@@ -24,7 +24,7 @@ from contact_locking.fem import compiled
 from contact_locking.fem.contact_operator import ContactOperator
 from contact_locking.fem.spaces import P1, ControlValues, Element, facet_nodes
 from contact_locking.findings import Finding
-from contact_locking.laws.elasticity import WeightedMeasure
+from contact_locking.laws.body import WeightedMeasure
 from contact_locking.mesh.distribution import marked, summed
 from contact_locking.mesh.domain import Domain, is_on_axis
 from contact_locking.parallel import maximum

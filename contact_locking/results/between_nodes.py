@@ -23,7 +23,7 @@ from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.surface import CORNER, ContactSurface
-from contact_locking.mesh.cell_kind import facet_normals, nodal_functions, unit_normals
+from contact_locking.mesh.data import facet_normals, nodal_functions, unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, peak
 from contact_locking.problem.rounding import ROUNDING

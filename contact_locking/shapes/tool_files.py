@@ -16,8 +16,7 @@ from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_size
 from contact_locking.findings import Finding
-from contact_locking.mesh.cell_kind import keys
-from contact_locking.mesh.data import point_words
+from contact_locking.mesh.data import keys, point_words
 
 ENDINGS = (".csv", ".npy")
 # As many heights are two million triangles.

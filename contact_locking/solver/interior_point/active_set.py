@@ -167,7 +167,7 @@ class ActiveSet:
             family.takes_part = True
             family.look(self._tangent.present())
             x, z = (np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair
-            law.recall((slides_on * x, z))
+            law.resume((slides_on * x, z))
             for bound in self._standing:
                 if bound.friction is family:
                     family.z[0] = bound.friction.nodes.of_all(bound.in_force)
@@ -198,7 +198,7 @@ class ActiveSet:
             # The bound follows the pressure inside of its cones.  Without one there is no friction.
             pressing, rubbing = cones[item.pressing], self._laws[item.friction]
             assert pressing is not None and isinstance(rubbing, SlipPieces)
-            bound = item.under(pressing[1])
+            bound = item.evaluate_at(pressing[1])
             is_zero = item.contact.norm(bound) == 0.0
             under = item.friction.nodes.of_all(bound)
             cones[item.friction] = None if is_zero else rubbing.inside_under(under, product)
@@ -329,7 +329,7 @@ class ActiveSet:
             bound.friction.z[0] = bound.friction.nodes.of_all(values)
             law = self._laws[bound.friction]
             assert isinstance(law, SlipPieces)
-            law.settle()
+            law.update_cones()
 
     def _leads_away(self, left: Sequence[_Left]) -> bool:
         """Whether the steps so far lead nowhere."""

@@ -102,7 +102,7 @@ class Balls(LorentzCones):
         along = dot(self.w, reactions) / (self.a + self.b * dot(self.w, self.w))
         return np.vstack([-2.0 * self.a * self._share * self._scaling.w[0] * along, reactions])
 
-    def settle(self, product: float) -> None:
+    def centre(self, product: float) -> None:
         product *= self.scale
         length, limit = norm(self.seen), self.limit
         share = self.compliance * product

@@ -73,7 +73,7 @@ class MovingBound:
     def start(self, moves: bool, least: float) -> None:
         """Give the cones a bound: where it ``moves`` that of the pressure; collective."""
         if moves:
-            self.set(self.wanted())
+            self.set(self.evaluate())
         self.friction.takes_part = not self.is_zero()
         if self.friction.takes_part:
             bound = self.friction.nodes.of_all(self.in_force)
@@ -83,11 +83,11 @@ class MovingBound:
         """Whether the bound is zero everywhere; collective."""
         return self.contact.norm(self.in_force) == 0.0
 
-    def wanted(self) -> FloatArray:
+    def evaluate(self) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact; collective."""
-        return self.under(self.pressing.z)
+        return self.evaluate_at(self.pressing.z)
 
-    def under(self, pressure: FloatArray) -> FloatArray:
+    def evaluate_at(self, pressure: FloatArray) -> FloatArray:
         """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
         at_all = self.pressing.nodes.at_all(pressure)
         slips = self.contact.slips(self.system.u)

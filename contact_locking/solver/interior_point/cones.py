@@ -294,7 +294,7 @@ class PointCones(Cone):
         """
 
     @abstractmethod
-    def settle(self, product: float) -> None:
+    def centre(self, product: float) -> None:
         """Points of a product per volume on the central path of laws that have a compliance."""
 
     # Whether anything is admissible.
@@ -387,7 +387,7 @@ class Pieces(ABC, Generic[C]):
         """Begin with reactions."""
         self.y = reactions
 
-    def recall(self, pair: Pair) -> None:
+    def resume(self, pair: Pair) -> None:
         """Begin with the point and the multiplier of an earlier solution."""
         self.cone.z = pair[1].copy()
         self.start(self.cone.reactions)

@@ -79,7 +79,7 @@ class ContactNodes:
         """The values (k, ...) at these nodes, from those at all owned nodes of the contact."""
         return np.asarray(values[self._active])
 
-    def enter(self, values: npt.NDArray[Scalar], into: npt.NDArray[Scalar]) -> None:
+    def scatter(self, values: npt.NDArray[Scalar], into: npt.NDArray[Scalar]) -> None:
         """Put values (k,) or (d, k) into an array over all owned nodes of the contact."""
         into[self._active] = values.T
 
@@ -168,10 +168,10 @@ class ContactCones(OnContact, HalfLines):
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         forces = multipliers.contacts[self.nodes.number]
-        self.nodes.enter(self.z, forces.pressure)
+        self.nodes.scatter(self.z, forces.pressure)
         # On the central path opening times pressure is constant; the larger one, in comparable
         # units, is the one that does not vanish.
-        self.nodes.enter(self.z > self.x * stiffness / self.scale, forces.touches)
+        self.nodes.scatter(self.z > self.x * stiffness / self.scale, forces.touches)
 
     def read(self, multipliers: Multipliers) -> FloatArray:
         return self.nodes.of_all(multipliers.contacts[self.nodes.number].pressure)
@@ -219,7 +219,7 @@ class FrictionCones(OnContact, Slips):
         return reactions
 
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        self.nodes.enter(self.reactions, multipliers.contacts[self.nodes.number].friction)
+        self.nodes.scatter(self.reactions, multipliers.contacts[self.nodes.number].friction)
 
     def read(self, multipliers: Multipliers) -> FloatArray:
         friction = multipliers.contacts[self.nodes.number].friction

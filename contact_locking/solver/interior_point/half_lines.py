@@ -93,7 +93,7 @@ class HalfLines(PointCones):
     def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
         return -reactions
 
-    def settle(self, product: float) -> None:
+    def centre(self, product: float) -> None:
         product *= self.scale
         opening, double = self.limit - self.seen, 2.0 * self.compliance
         root = np.sqrt(opening**2 + 2.0 * double * product)

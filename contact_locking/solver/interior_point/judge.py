@@ -96,10 +96,10 @@ class Judge:
     def compare(self, moving: Sequence[MovingBound]) -> tuple[list[FloatArray], list[FloatArray]]:
         """The bounds ``mu |R p|`` of the pressure, and those of the cones; collective."""
         contacts = [item.contact for item in moving]
-        wanted = [item.wanted() for item in moving]
+        wanted = [item.evaluate() for item in moving]
         used = [values.copy() for values in wanted]
         for item, values in zip(moving, used, strict=True):
-            item.friction.nodes.enter(item.friction.bound, values)
+            item.friction.nodes.scatter(item.friction.bound, values)
         left = [a - b for a, b in zip(wanted, used, strict=True)]
         least = self._task.target.least_bound(self.mean_strain(self._task.settings.tolerance))
         size = max(joint_norm(contacts, wanted), least)

@@ -181,7 +181,7 @@ class InteriorPoint:
             for family in families.every:
                 family.z = family.read(saved.multipliers)
             for bound in families.bounds:
-                bound.friction.z[0] = bound.friction.nodes.of_all(bound.wanted())
+                bound.friction.z[0] = bound.friction.nodes.of_all(bound.evaluate())
         # Where nodes have slid is not saved.
         pairs = tuple((np.zeros_like(family.x), family.z) for family in families.every)
         return replace(saved, cones=pairs)
@@ -222,7 +222,7 @@ class InteriorPoint:
             with linear_failures():
                 is_found = self._start(last, by_pieces_alone)
         finally:
-            task.counts.linear += self._tangent.take_iterations()
+            task.counts.linear += self._tangent.pop_iterations()
         if self.is_elastic:
             unbalanced = self._tangent.residual_norms([])[0]
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
@@ -396,7 +396,7 @@ class InteriorPoint:
                 direction, t = self._searched(measures)
                 t = self._tangent.trusted(t, direction.displacement)
         finally:
-            counts.linear += self._tangent.take_iterations()
+            counts.linear += self._tangent.pop_iterations()
         # An approach whose friction bounds lead nowhere crawls; another may not.
         self._crawled = self._crawled + 1 if self._moving and t < self._tuning.short else 0
         if not t > self._tuning.shortest or self._crawled > self._tuning.short_steps:
@@ -436,7 +436,7 @@ class InteriorPoint:
         if t >= tuning.bound_led:
             close_enough = max(close_enough, tuning.bound_close)
         came_closer = self._judge.friction_change <= close_enough
-        self._task.system.bounds.enter([item.contact for item in moving], used)
+        self._task.system.bounds.set([item.contact for item in moving], used)
         if not (came_closer and self._approach.trusts_newton):
             self._left = math.inf
             for item, values in zip(moving, wanted, strict=True):

@@ -81,7 +81,7 @@ class Slips(LorentzCones):
         if self.regularisation > _LONG * least:
             # The bound times a long regularisation would be a product that takes many steps.
             self.z[0], inside = bound, _INSIDE * bound * self.regularisation / self.scale
-            self.settle(np.maximum(self._level, inside))
+            self.centre(np.maximum(self._level, inside))
             return
         share = np.minimum(_MOST * pressure / bound, 1.0)
         self._open(np.maximum(share * least, self.regularisation))
@@ -229,7 +229,7 @@ class Slips(LorentzCones):
         back[self.rows] += self.grown_adjoint(self.response_adjoint(seen))
         return self.tangential(back)
 
-    def settle(self, product: float | FloatArray) -> None:
+    def centre(self, product: float | FloatArray) -> None:
         rows = self._fixed_rows()
         share = product * self.scale / np.maximum(self.bound, np.finfo(float).tiny)
         self.x = np.vstack([0.5 * (share + np.sqrt(share**2 + 4.0 * dot(rows, rows))), rows])
@@ -250,7 +250,7 @@ class SlipPieces(Pieces[Slips]):
         self._along = np.zeros_like(cone.normal)
         self._turned: BoolArray = np.zeros(len(cone.weights), dtype=bool)
 
-    def recall(self, pair: Pair) -> None:
+    def resume(self, pair: Pair) -> None:
         # The foundation may have turned since.
         slip, traction = (along_planes(part[self.cone.rows], self.cone.normal) for part in pair)
         self.cone.z = pair[1].copy()
@@ -304,7 +304,7 @@ class SlipPieces(Pieces[Slips]):
         # The stiffness of sticking enlarges the rounding along the normal.
         self.y = along_planes(self.y - step.dual[self.cone.rows], self.cone.normal)
         self.cone.z[0] += step.dual[0]
-        self.settle()
+        self.update_cones()
 
     def inside_under(self, bound: FloatArray, product: float) -> Pair:
         """The pair under a bound (k,) > 0: friction and slip move at the same ``v = y + c s``."""
@@ -318,7 +318,7 @@ class SlipPieces(Pieces[Slips]):
         first = product / (bound * below * (2.0 - below))
         return np.vstack([first, (v - y) / self.c]), np.vstack([bound, -y])
 
-    def settle(self) -> None:
+    def update_cones(self) -> None:
         """Keep the friction within its bound, and put the points into the cones."""
         cone, bound, v = self.cone, self.cone.bound, self._shifted()
         other = (norm(v) <= bound) != self._sticks
@@ -370,11 +370,11 @@ class SmoothSlipPieces(SlipPieces):
     def inside_under(self, bound: FloatArray, product: float) -> Pair:
         cone = self.cone
         cone.z[0] = bound
-        cone.settle(product)
+        cone.centre(product)
         return cone.x, cone.z
 
-    def settle(self) -> None:
-        super().settle()
+    def update_cones(self) -> None:
+        super().update_cones()
         y, bound = self.cone.reactions, self.cone.bound
         self.cone.z[-1] = -np.sqrt(np.maximum(bound**2 - dot(y, y), 0.0))
 

@@ -304,7 +304,7 @@ class Tangent:
         """The direct solver of the tangents, if any."""
         return self._linear.direct
 
-    def take_iterations(self) -> int:
+    def pop_iterations(self) -> int:
         """The Krylov iterations since the last call."""
         count, self._linear.iterations = self._linear.iterations, 0
         return count
