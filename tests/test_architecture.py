@@ -63,7 +63,7 @@ BUDGETS = {
     "": 1280,
     "certificate": 1730,
     "command": 940,
-    "contact": 3560,
+    "contact": 3550,
     "expressions": 640,
     "fem": 880,
     "fields": 370,
