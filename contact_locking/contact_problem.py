@@ -18,13 +18,13 @@ from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
+from contact_locking.laws.limits import PenaltyParameters
 from contact_locking.laws.material import Elasticity
-from contact_locking.laws.penalty import PenaltyParameters
-from contact_locking.mesh.cell_kind import NAMED
+from contact_locking.mesh.data import NAMED
 from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.parts import NamedFacets
 from contact_locking.parallel import on_any_rank
-from contact_locking.penalty_method.scope import require_served
+from contact_locking.penalty_method import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy

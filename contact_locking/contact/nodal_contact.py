@@ -18,9 +18,9 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.present import Clock
 from contact_locking.findings import Finding
-from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
+from contact_locking.shapes.shape import RigidMotion
 from contact_locking.supports.conditions import Constraints
 
 # The share of the friction bound that acts at nodes that cannot slide.
@@ -151,7 +151,7 @@ class NodalContact:
             mu = self.friction.coefficient(np.zeros_like(mu))
         depth = np.where(self.free, -self.gaps, 0.0)
         inside = depth > _TOUCHING * domain.extent
-        data = (depth, self.normals, surface.body_normals(), mu)
+        data = (depth, self.normals, surface.body_normals, mu)
         depth, normals, outward, mu = (
             np.concatenate(domain.comm.allgather(values[inside])) for values in data
         )

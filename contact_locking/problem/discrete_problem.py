@@ -26,8 +26,8 @@ from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.findings import TEXTS, Finding
-from contact_locking.laws.locking import squared_norm
-from contact_locking.laws.penalty import Penalty, PenaltyParameters
+from contact_locking.laws.body import squared_norm
+from contact_locking.laws.limits import Penalty, PenaltyParameters
 from contact_locking.mesh.domain import Domain, require_surface
 from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms

@@ -18,7 +18,7 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.travel import Tools
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm, Kept
-from contact_locking.laws.locking import squared_norm
+from contact_locking.laws.body import squared_norm
 from contact_locking.problem import forms
 from contact_locking.problem.rounding import LooseMotion, Rounding, largest_displacement
 from contact_locking.supports.conditions import Constraints, block_diagonal

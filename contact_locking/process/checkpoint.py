@@ -30,7 +30,7 @@ from contact_locking.fem.compiled import Kept
 from contact_locking.files import atomic
 from contact_locking.files.readable import file_digest
 from contact_locking.findings import Finding
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.sources import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.parallel import on_root

@@ -19,7 +19,7 @@ from contact_locking.findings import Finding
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
-from contact_locking.penalty_method.scope import require_served
+from contact_locking.penalty_method import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem, distance
 from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import System

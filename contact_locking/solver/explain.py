@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from contact_locking.errors import Infeasible, NotConverged
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import System, SystemState
 from contact_locking.solver.interior_point.farkas import GAP_ROUNDING

@@ -16,7 +16,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.findings import Finding
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING

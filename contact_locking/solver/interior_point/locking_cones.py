@@ -16,7 +16,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
-from contact_locking.laws.elasticity import mandel_factor, mandel_vector
+from contact_locking.laws.body import mandel_factor, mandel_vector
 from contact_locking.parallel import minimum
 from contact_locking.plain_text import coordinates
 from contact_locking.problem.forms import ProblemData
