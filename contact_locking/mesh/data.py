@@ -14,8 +14,6 @@ from contact_locking.errors import InputError
 from contact_locking.findings import Finding
 from contact_locking.mesh.cell_kind import KINDS, CellKind
 
-_NOTHING = np.empty((0, 0), dtype=np.int64), np.empty(0, dtype=np.int64)
-
 
 @dataclass(frozen=True)
 class MeshElements:
@@ -30,10 +28,6 @@ class MeshElements:
     numbers: IntArray
     groups: IntArray
     names: Mapping[str, tuple[int, ...]]
-
-    @staticmethod
-    def unnamed(nodes: IntArray, numbers: IntArray) -> MeshElements:
-        return MeshElements(nodes, numbers, np.zeros(len(nodes), dtype=np.int64), {})
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -58,7 +52,7 @@ class MeshData:
     points: FloatArray
     numbers: IntArray
     cells: MeshElements
-    facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
+    facets: MeshElements
     findings: tuple[Finding, ...] = ()
     unusable: Mapping[str, str] = field(default_factory=dict)
 

@@ -115,10 +115,8 @@ def _array(element: ElementTree.Element, part: str, file: Any) -> Any:
 def _mesh(grids: Sequence[Grid], coordinates: Any) -> MeshData:
     """The mesh of the first grid, with the groups of the others."""
     body, kind, names = grids[0], grids[0].kind, [grid.name for grid in grids]
-    if kind.dim < 2:
-        raise InputError("it is a 1D mesh; a body in 2D or 3D is needed")
-    if not len(body.nodes):
-        raise InputError("the mesh has no cells")
+    if kind.dim < 2 or not len(body.nodes):
+        raise InputError("the mesh holds no cells of a body in 2D or 3D")
     for grid in grids:
         if names.count(grid.name) > 1:
             raise InputError(f"it has two grids with one name, {grid.name!r}")

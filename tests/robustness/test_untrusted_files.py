@@ -84,7 +84,7 @@ DISGUISED = {
 @pytest.mark.parametrize("guise", DISGUISED)
 def test_gmsh_never_sees_what_is_no_mesh(guise: str) -> None:
     Path("body.msh").write_text(DISGUISED[guise], encoding="utf-8")
-    with pytest.raises(InputError, match=r"body\.msh is not a mesh in Gmsh's format") as caught:
+    with pytest.raises(InputError, match=r"body\.msh is not a mesh in version") as caught:
         from_file(Path("body.msh"), MPI.COMM_SELF)
     assert caught.value.key == "mesh.file"
 
@@ -102,6 +102,13 @@ def test_a_script_within_a_mesh_is_not_run(place: str) -> None:
     text = MESH + SCRIPT if place == "after" else MESH.replace("$Nodes", f"{SCRIPT}$Nodes", 1)
     Path("body.msh").write_text(text)
     assert from_file(Path("body.msh"), MPI.COMM_SELF).num_cells == 2
+
+
+def test_a_mesh_that_crashes_gmsh_is_refused() -> None:
+    Path("body.msh").write_text(MESH.replace("4 0 1 0", "0 0 1 0"))
+    with pytest.raises(InputError, match=r"Gmsh cannot read body\.msh") as caught:
+        from_file(Path("body.msh"), MPI.COMM_SELF)
+    assert caught.value.key == "mesh.file"
 
 
 @pytest.mark.parametrize("ending", ["geo", "py", "msh.gz"])
