@@ -27,7 +27,7 @@ from dolfinx import fem, geometry
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray
 from contact_locking.fem import compiled
-from contact_locking.laws.elasticity import strain
+from contact_locking.laws.body import strain
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.running.solving import solve_adaptively

@@ -120,7 +120,7 @@ def solved(parameters: Parameters, stages: Stages) -> StudySolution:
     with stages.stage("solve"):
         report = study.solver.solve()
     with stages.stage("certificate, fields and summary"):
-        solution = study.solution(study.solver.state(report)).telling(version=__version__)
+        solution = study.solution(study.solver.state(report)).with_entries(version=__version__)
         study.close()
     return solution
 

@@ -23,7 +23,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.elasticity import (
+from contact_locking.laws.body import (
     MANDEL_PAIRS,
     isotropic_stress,
     lame_from_young,

@@ -64,7 +64,7 @@ def measured(h: float, file: Path, n: float) -> tuple[int, int, float, float]:
     (contact,) = problem.contacts
     problem.clock.set(1.0)
     began = time.process_time()
-    contact.place()
+    contact.update_foundation()
     placed = time.process_time()
     problem.advance(1.0)
     solver.begin()

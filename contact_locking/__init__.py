@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from contact_locking.contact.contact import Local as Local
     from contact_locking.contact.contact import Motion as Motion
     from contact_locking.contact.coulomb import FrictionBound as FrictionBound
+    from contact_locking.contact.coulomb import FrictionLaw as FrictionLaw
     from contact_locking.contact.coulomb import Smoothing as Smoothing
     from contact_locking.contact_problem import ContactProblem as ContactProblem
     from contact_locking.errors import ContactLockingError as ContactLockingError
     from contact_locking.errors import InputError as InputError
     from contact_locking.errors import NotConverged as NotConverged
     from contact_locking.inverse.derivatives import Number as Number
-    from contact_locking.laws.friction import FrictionLaw as FrictionLaw
     from contact_locking.laws.limits import Deviator as Deviator
     from contact_locking.laws.limits import Direction as Direction
     from contact_locking.laws.limits import StrainBall as StrainBall
@@ -84,16 +84,15 @@ if TYPE_CHECKING:
     from contact_locking.supports.support import Traction as Traction
     from contact_locking.theory.solutions import branch as branch
     from contact_locking.theory.solutions import equilibria as equilibria
-    from contact_locking.values.tabulated import Tabulated as Tabulated
+    from contact_locking.values.value import Tabulated as Tabulated
 
 # The public names of each module.
 _NAMES = {
     "contact.contact": "Contact Convolution Coulomb Foundation FoundationSpring Helmholtz "
     "Kernel Local Motion",
-    "contact.coulomb": "FrictionBound Smoothing",
+    "contact.coulomb": "FrictionBound FrictionLaw Smoothing",
     "contact_problem": "ContactProblem",
     "errors": "ContactLockingError InputError NotConverged",
-    "laws.friction": "FrictionLaw",
     "laws.limits": "Deviator Direction StrainBall Volume Weighted",
     "laws.material": "Eigenstrain Elasticity",
     "process.adaptive_meshes": "adapt",
@@ -112,7 +111,7 @@ _NAMES = {
     "study_file.parameters": "Parameters",
     "supports.support": "BodyForce Displacement Pressure Spring Support TotalForce Traction",
     "theory.solutions": "branch equilibria",
-    "values.tabulated": "Tabulated",
+    "values.value": "Tabulated",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = sorted(_HOME)

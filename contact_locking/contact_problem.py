@@ -18,13 +18,13 @@ from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
 from contact_locking.fem.spaces import Element, element_of
 from contact_locking.fields.present import Clock
+from contact_locking.laws.limits import PenaltyParameters
 from contact_locking.laws.material import Elasticity
-from contact_locking.laws.penalty import PenaltyParameters
-from contact_locking.mesh.cell_kind import NAMED
+from contact_locking.mesh.data import NAMED
 from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.parts import NamedFacets
 from contact_locking.parallel import on_any_rank
-from contact_locking.penalty_method.scope import require_served
+from contact_locking.penalty_method import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.elasticity import elasticity_of, split
 from contact_locking.problem.forms import require_energy
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 Condition: TypeAlias = fem.DirichletBC | Support | Displacement
 T = TypeVar("T", bound=Concept)
 
-# Where a study file has the loads and supports of a class.
+# The section of a study file for each class of loads and supports.
 _SECTIONS = {
     "BodyForce": "loads.body_force",
     "TotalForce": "loads.forces",
@@ -60,24 +60,24 @@ _KINDS = {"contacts": "a Contact", "springs": "a Spring", "loads": "a load, such
 class ContactProblem:
     """``a(u, v - u) + int G (|v_tau| - |u_tau|) >= L(v - u)``, ``G = mu(|u_tau|) |R sigma_nu(u)|``.
 
-    This holds for all v with ``eps(v) in K`` and ``v_nu <= gap``, and u is one of them.  For a
-    finite ``n`` it is the penalised problem (25)/(26).
+    The inequality holds for all v with ``eps(v) in K`` and ``v_nu <= gap``, and u satisfies both
+    constraints.  For a finite ``n`` this is the penalised problem (25)/(26).
 
-    ``a`` is a symmetric elliptic bilinear form of UFL, or :class:`Elasticity`.  ``L`` is a linear
-    form, to which ``loads`` add: :class:`BodyForce`, :class:`Traction`, :class:`Pressure` and
-    :class:`TotalForce`.  ``bcs`` are conditions of DOLFINx, :class:`Displacement` and
-    :class:`Support`, and ``springs`` are :class:`Spring`; ``limits`` are sets of strains whose
-    intersection is K, and ``contacts`` are :class:`Contact`.  ``tags`` are mesh tags of facets
-    whose values have the ``names`` that all these may use.  ``space`` is the space of displacements
-    of degree 1 or 2 on a mesh of cells of one kind, where neither ``a`` nor ``L`` is a form.  ``n``
-    is a stress, and ``compliance`` a length over a stress, None for 1/n.  ``energy`` maps u to a
-    convex and differentiable functional J(u), which adds to the energy.  ``axisymmetric`` says that
-    the mesh is the half section (r, z) of a body of revolution; ``a`` is then an
-    :class:`Elasticity`.
+    - ``a``: a symmetric elliptic bilinear form of UFL, or an :class:`Elasticity`
+    - ``L``: a linear form, added to ``loads``
+    - ``bcs``: conditions of DOLFINx, :class:`Displacement`, :class:`Support`
+    - ``limits``: sets of strains such as :class:`StrainBall`; K is their intersection
+    - ``contacts``: :class:`Contact`
+    - ``loads``: :class:`BodyForce`, :class:`Traction`, :class:`Pressure`, :class:`TotalForce`
+    - ``springs``: :class:`Spring`
+    - ``space``: the displacements, of degree 1 or 2; needed if neither ``a`` nor ``L`` is a form
+    - ``tags``, ``names``: mesh tags of facets, and the names of their values for all of the above
+    - ``n``, ``compliance``: penalties, a stress and a length over a stress (None: 1/n)
+    - ``energy``: maps u to a convex and differentiable functional, which is added to the energy
+    - ``axisymmetric``: the mesh is the half section (r, z) of a body of revolution
 
-    The problem is made once.  Each solve reads the present values of the constants and functions
-    in the data.  The constructor is collective, as all methods are, and raises InputError for data
-    that cannot be used.
+    Make the problem once; each solve reads the present values of the constants and functions in
+    the data.  Constructor and methods are collective and raise InputError for unusable data.
     """
 
     def __init__(
@@ -152,8 +152,8 @@ class ContactProblem:
 
     @cached_property
     def solver(self) -> ProblemSolver:
-        """What solves the problem, for what is built on top of it; collective."""
-        # Solvers and certificate are half of the package, and state no problem.
+        """The solver of the problem, for code that drives the solve itself."""
+        # Solvers and certificate are half of the package, and no problem needs them to be stated.
         from contact_locking.process.problem_solver import ProblemSolver
 
         return ProblemSolver(self._discrete, self._settings, self._monitor)
@@ -176,12 +176,13 @@ class ContactProblem:
     ) -> Solution:
         """The solution for the present data.
 
-        ``after`` is the solution of the step before: friction remembers it, and the solver starts
-        from it.  Without it the problem is static.  ``start`` is a solution from which only the
-        solver starts, if that helps.  Without ``certificate`` the summary has no certificate, which
-        saves its solves; ``extras`` are parts of a certificate that are made on request.  A solve
-        that does not converge returns its last state, with ``converged`` False and the reason in
-        the summary.  Raises InputError for present data that cannot be used.
+        - ``after``: the solution of the previous step, whose slip friction remembers and from which
+          the solver starts; without it the problem is static
+        - ``start``: a solution from which only the solver starts
+        - ``certificate``: whether to compute the certificate, which takes a few solves
+        - ``extras``: optional parts of the certificate
+
+        A solve that fails returns its last state with ``converged`` False and a ``reason``.
         """
         solver, report = self.solver, self.report(after, start)
         # Derivatives of a step need those of the memory that it began with.
@@ -189,39 +190,42 @@ class ContactProblem:
         solution = solver.solution(
             solver.state(report), None, extras, derivatives, certificate=certificate
         )
-        return solution.warned(*solver.unused_options())
+        return solution.with_warnings(*solver.unused_options())
 
     def report(self, after: Solution | None = None, start: Solution | None = None) -> Outcome:
-        """How ``solver`` has solved for the present data; as in :meth:`solve`."""
+        """The outcome of a solve for the present data; arguments as in :meth:`solve`."""
         require_kind(start, Solution | None, "a solution of this problem", "start")
         self.begin(after)
-        return self.solver.solve(first.state.saved if (first := after or start) else None)
+        previous = after or start
+        return self.solver.solve(previous.state.saved if previous else None)
 
     def solution(self, state: SolvedState, criteria: Mapping[str, Criterion]) -> Solution:
-        """The solution in a state of ``solver``, judged by further ``criteria`` as well."""
+        """The solution in a state of ``solver``, judged by additional ``criteria`` too."""
         return self.solver.solution(state, criteria)
 
     def begin(self, after: Solution | None = None) -> None:
-        """Put the present data into ``solver``, and the memory of friction; as in :meth:`solve`."""
+        """Update ``solver`` to the present data and to the slip that friction remembers."""
         require_kind(after, Solution | None, "a solution of this problem", "after")
         problem = self._discrete
-        rest = problem.at_rest()
+        memories = problem.at_rest()
         if after is not None:
-            sizes = [[len(memory.slip) for memory in each] for each in (after.state.contacts, rest)]
+            pair = after.state.contacts, memories
+            sizes = [[len(memory.slip) for memory in each] for each in pair]
             if on_any_rank(self.domain.comm, sizes[0] != sizes[1]):
                 raise InputError("is a solution with other contacts or on another mesh", "after")
-        problem.enter(rest if after is None else after.state.contacts)
+            memories = after.state.contacts
+        problem.set_memory(memories)
         self.refresh()
 
     def refresh(self) -> None:
-        """Put the present data into ``solver``; as in :meth:`solve`."""
+        """Update ``solver`` to the present data."""
         if self._is_closed:
-            raise InputError("the problem is closed; solve before close(), or make another one")
+            raise InputError("the problem is closed: solve before close(), or make a new problem")
         problem, system = self._discrete, self.solver.system
         problem.refresh()
         # The stress of an eigenstrain is a load.
         system.assemble_loads()
-        # The linear programmes of rigid motions do not take NaN.
+        # The linear programmes for rigid motions cannot handle NaN.
         if on_any_rank(self.domain.comm, not np.all(np.isfinite(system.load))):
             raise InputError("is not finite somewhere", "L" if problem.body.work else "loads")
         problem.rigidity.require_held()
@@ -266,16 +270,15 @@ def _check_lists(**lists: Any) -> None:
 def _space_of(
     a: ufl.Form | Elasticity, L: ufl.Form | None, space: fem.FunctionSpace | None
 ) -> fem.FunctionSpace:
-    """``space`` on the mesh of the forms, or else the space of the arguments of a form."""
+    """``space``, which must be on the mesh of the forms, or the space of a form's arguments."""
     forms = {key: form for key, form in (("a", a), ("L", L)) if isinstance(form, ufl.Form)}
     spaces = {key: form.arguments()[0].ufl_function_space() for key, form in forms.items()}
     if space is None and not spaces:
-        message = "needs the space of displacements: give L, a form for a, or space"
+        message = "is missing, and so are forms that have it: give space, L, or a form for a"
         raise InputError(message, "space")
-    for key, of_form in spaces.items():
-        if space is not None and of_form.mesh is not space.mesh:
-            message = f"is on another mesh than {key}; give a space on the same one"
-            raise InputError(message, "space")
+    for key, form_space in spaces.items():
+        if space is not None and form_space.mesh is not space.mesh:
+            raise InputError(f"must be on the mesh of {key}", "space")
     return space or next(iter(spaces.values()))
 
 
@@ -293,9 +296,9 @@ def _element_of(space: fem.FunctionSpace, axisymmetric: bool) -> Element:
 
 
 def _placed(name: str, concepts: Sequence[T], kind: Any, places: NamedFacets) -> list[T]:
-    """The concepts of a list with their keys, on boundary parts; collective.
+    """The concepts of a list, each with its key and its named boundary parts; collective.
 
-    Loads and supports have the keys of a study file, where each kind is a list of its own.
+    Loads and supports get the keys of a study file, which has one list for each kind.
     """
     placed, counts = [], Counter[str]()
     for number, concept in enumerate(concepts):

@@ -27,8 +27,7 @@ from dolfinx import fem
 from mpi4py import MPI
 
 from contact_locking import StudySolution, assemble, load, solve, solve_assembled, write
-from contact_locking.laws.elasticity import strain
-from contact_locking.laws.locking import squared_norm
+from contact_locking.laws.body import squared_norm, strain
 from contact_locking.study.assembly import StudyProblem
 
 FILE = Path(__file__).with_suffix(".yml")

@@ -128,7 +128,7 @@ def test_the_summary_and_its_reference_have_the_same_keys() -> None:
     (step,) = solve_steps(from_mapping(given | {"steps": {"times": [1.0]}}))
     one = solve(from_mapping(given | {"equilibria": {"find": 1}, "branches": {"to": 0.1}}))
     several = {key: one.summary[key] for key in ("index", "equilibria", "branches")}
-    found = adapted.telling(steps=step.summary["steps"], x=float("inf"), **several).summary
+    found = adapted.with_entries(steps=step.summary["steps"], x=float("inf"), **several).summary
     summary = json.loads(summary_text(found))
     del summary["x"]
     page = generated_reference.fill((DOCS / "reference" / "summary.md").read_text())

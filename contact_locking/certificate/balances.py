@@ -91,14 +91,14 @@ class Equilibrium:
 class NodalForces(NamedTuple):
     """Loads, elastic forces, and forces of contact and of a user's own energy, at the local dofs.
 
-    ``left`` are the forces that the reactions balance, zero at free dofs in equilibrium.
+    ``reacting`` are the forces that the reactions balance, zero at free dofs in equilibrium.
     """
 
     load: FloatArray
     elastic: FloatArray
     touching: FloatArray
     own: FloatArray
-    left: FloatArray
+    reacting: FloatArray
 
 
 def nodal_forces(state: SolvedState) -> NodalForces:
@@ -190,7 +190,7 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
     of_contact = {id(fields.contact): fields for fields in state.contacts}
     shares = []
     tools = state.system.tools
-    for tool, force in zip(tools, tools.left, strict=True):
+    for tool, force in zip(tools, tools.unbalanced, strict=True):
         fields = of_contact[id(tool.contact)]
         resultant, magnitude = tool.resultant(fields.pressure, fields.traction)
         imbalance = abs(float(force) - resultant)
@@ -414,7 +414,7 @@ def _stored(state: SolvedState) -> float:
 
 def _external_forces(state: SolvedState) -> FloatArray:
     """Loads and reactions at the owned dofs; collective."""
-    balanced = nodal_forces(state).left[: len(state.system.load)]
+    balanced = nodal_forces(state).reacting[: len(state.system.load)]
     return state.system.load + state.problem.constraints.held_part(balanced)
 
 

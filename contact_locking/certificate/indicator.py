@@ -14,8 +14,8 @@ from contact_locking.arrays import BoolArray, FloatArray, IndexArray, flattened
 from contact_locking.certificate.penalty_error import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.fem.spaces import gauss_points, gauss_shares
-from contact_locking.laws.elasticity import mandel_values
-from contact_locking.mesh.cell_kind import lagrange, nodal_functions
+from contact_locking.laws.body import mandel_values
+from contact_locking.mesh.data import lagrange, nodal_functions
 from contact_locking.mesh.distribution import summed
 
 # Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:

@@ -16,10 +16,9 @@ from pydantic import BeforeValidator, Tag, ValidationInfo, WrapValidator, create
 from contact_locking.arrays import BoolArray, IntArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.findings import Finding
-from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.shapes import analytic as analytic
 from contact_locking.shapes import faceted as faceted
-from contact_locking.shapes.shape import SHAPES, Distance, Shape
+from contact_locking.shapes.shape import SHAPES, Distance, RigidMotion, Shape, rotation
 from contact_locking.values.concept import (
     LIST,
     SECTION,
@@ -314,8 +313,8 @@ class Coulomb(Concept):
     """``|sigma_tau| <= mu(x, s) |R sigma_nu|`` (6), with s the accumulated slip.
 
     ``coefficient`` is mu: a finite number, an expression, a constant of DOLFINx, a function of
-    points (k, d) and slips (k,), or a :class:`~contact_locking.laws.friction.FrictionLaw`.  What is
-    None is as in the section ``friction`` of a study file.  A user's own friction bound is a
+    points (k, d) and slips (k,), or a :class:`~contact_locking.contact.coulomb.FrictionLaw`.  What
+    is None is as in the section ``friction`` of a study file.  A user's own friction bound is a
     subclass whose :meth:`on` returns another :class:`FrictionBound`.
     """
 

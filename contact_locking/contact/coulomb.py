@@ -1,11 +1,16 @@
-"""Coulomb friction on the mesh: the bound of its traction, and R, the smoothing of stresses.
+"""Coulomb friction: its law, the bound of the traction on the mesh, and R, which smooths stresses.
 
-R maps nodal values (k,) at the owned nodes of Gamma_C to such values.  Every ``apply`` is
-collective, and the result does not depend on the distribution of the nodes.
+The friction bound ``G = mu(s) |R sigma_nu|`` depends on the solution; ``s`` is ``|u_tau|`` in the
+static problem, and the accumulated slip in a process.  For a known bound the functional of friction
+is convex, and the solvers rely on this.  R maps nodal values (k,) at the owned nodes of Gamma_C to
+such values.  Every ``apply`` is collective, and the result does not depend on the distribution of
+the nodes.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +22,39 @@ from petsc4py import PETSc
 from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.contact.surface import ContactSurface, SurfaceMesh
 from contact_locking.errors import InputError, NotConverged, with_key
-from contact_locking.laws.friction import Coefficient, FrictionLaw
 from contact_locking.parallel import agree, maximum, on_every_rank
 from contact_locking.values.value import Value
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
+
+Coefficient = Callable[[FloatArray, FloatArray], FloatArray]
+
+
+@dataclass(frozen=True)
+class FrictionLaw:
+    """``mu(x, s) <= largest`` and ``|mu(x, s) - mu(x, t)| <= lipschitz |s - t|``, as (12) asks.
+
+    ``coefficient`` maps points (k, d) and slips ``s = |u_tau|`` (k,) to ``mu`` (k,), or to one
+    number.  ``largest`` is mu*, and ``lipschitz`` is L_mu, one over a length.  The certificate
+    takes both constants as the law states them.  Where a constant is None, the certificate samples
+    mu, which proves nothing.
+    """
+
+    coefficient: Coefficient
+    largest: float | None = None
+    lipschitz: float | None = None
+
+    def __call__(self, points: FloatArray, slip: FloatArray) -> FloatArray:
+        values = np.asarray(self.coefficient(points, slip), dtype=float)
+        if values.shape not in ((), slip.shape):
+            raise InputError(
+                f"the coefficient of friction has values of the shape {values.shape} at "
+                f"{len(slip)} points: it maps points (k, d) and slips (k,) to values (k,), as "
+                "lambda x, s: 0.1 + 0.2*x[:, 0] does"
+            )
+        return np.broadcast_to(values, slip.shape)
+
 
 # The angles of Gauss's rule around a circle: k is smooth.
 _ANGLES = 24
@@ -179,7 +211,7 @@ class HelmholtzOperator(Smoothing):
         self._comm, self._surface = comm, surface
         # A connected part without a free node would make the matrix singular; no friction acts
         # there.
-        is_held = surface.mean_by_part((surface.weights > 0.0).astype(float)) == 0.0
+        is_held = np.bincount(surface.parts, surface.weights)[surface.parts] == 0.0
         self._mass = np.where(is_held, 1.0, surface.weights)
         self._operator = stiffness.copy()
         self._operator.scale(radius**2)
@@ -241,7 +273,7 @@ class FrictionBound:
     """``G(p, s) = mu(x, s) |R p|`` (6): the bound of the friction traction at the nodes.
 
     ``law`` maps points (k, d) and accumulated slips s (k,) to ``mu`` (k,): the coefficient of
-    a :class:`Coulomb`, a :class:`~contact_locking.laws.friction.FrictionLaw`, or a function, for
+    a :class:`Coulomb`, a :class:`~contact_locking.contact.coulomb.FrictionLaw`, or a function, for
     which the certificate samples mu* and L_mu.  ``smoothing`` is R.  ``frictionless`` says that
     mu is zero everywhere.  A user's own friction bound is a subclass with another :meth:`evaluate`.
     """

@@ -18,9 +18,9 @@ from contact_locking.errors import InputError, with_key
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.present import Clock
 from contact_locking.findings import Finding
-from contact_locking.laws.rigid_motion import RigidMotion
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
+from contact_locking.shapes.shape import RigidMotion
 from contact_locking.supports.conditions import Constraints
 
 # The share of the friction bound that acts at nodes that cannot slide.
@@ -151,7 +151,7 @@ class NodalContact:
             mu = self.friction.coefficient(np.zeros_like(mu))
         depth = np.where(self.free, -self.gaps, 0.0)
         inside = depth > _TOUCHING * domain.extent
-        data = (depth, self.normals, surface.body_normals(), mu)
+        data = (depth, self.normals, surface.body_normals, mu)
         depth, normals, outward, mu = (
             np.concatenate(domain.comm.allgather(values[inside])) for values in data
         )
@@ -176,12 +176,12 @@ class NodalContact:
             return None
         return domain.where(held[np.lexsort(held.T[::-1])[0]])
 
-    def enter(self, state: ContactState) -> None:
+    def set_memory(self, state: ContactState) -> None:
         """Begin a step with the memory of friction."""
         self.state = state
         self._refresh()
 
-    def place(self) -> None:
+    def update_foundation(self) -> None:
         """Put the foundation to its present place, or pair bodies where they are; collective.
 
         Raises Misplaced for a foundation that has moved behind Gamma_C.
@@ -228,7 +228,7 @@ class NodalContact:
         turns = np.linalg.norm(frame.normals - self.normals, axis=1)
         return maximum(self.surface.domain.comm, turns[presses & frame.faces])
 
-    def go_along(self, u: fem.Function, touches: BoolArray) -> bool:
+    def update_pairs(self, u: fem.Function, touches: BoolArray) -> bool:
         """Go over to the frame at the solution u, if that is another one; collective.
 
         Another frame has normals that turn by more than 1e-3 at a node that ``touches`` (k,), or
@@ -353,7 +353,7 @@ class NodalContact:
         is_touching = on_any_rank(comm, touches)
         return ContactState(place, slip, self.travel, motion, displacement, is_touching)
 
-    def recall(
+    def restore_step(
         self, reference: FloatArray, slip: FloatArray, displacement: FloatArray | None
     ) -> None:
         """Judge a step again that began with ``reference`` (k, d) and the slip (k,); collective.
@@ -362,7 +362,7 @@ class NodalContact:
         """
         self.state = replace(self.state, slip=np.array(slip), displacement=displacement)
         if self.pairs_anew:
-            self.place()
+            self.update_foundation()
         self.references = reference
 
     def require_friction(self) -> None:
@@ -429,7 +429,7 @@ class BoundsInForce:
         """The values at some contacts."""
         return [self[contact] for contact in contacts]
 
-    def enter(self, contacts: Iterable[NodalContact], values: Iterable[FloatArray]) -> None:
+    def set(self, contacts: Iterable[NodalContact], values: Iterable[FloatArray]) -> None:
         """Set the values at some contacts."""
         for contact, bound in zip(contacts, values, strict=True):
             self[contact] = bound

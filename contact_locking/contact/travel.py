@@ -218,7 +218,7 @@ class Tools(Sequence[Travel]):
         return np.array([tool.stiffness for tool in self])
 
     @property
-    def left(self) -> FloatArray:
+    def unbalanced(self) -> FloatArray:
         """``F - k q`` (T,): the forces that the contacts have to bear."""
         return self.forces - self.stiffnesses * np.array(self._travels)
 

@@ -25,8 +25,8 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import Kept
-from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
-from contact_locking.mesh.cell_kind import NAMED, lagrange, nodal_functions
+from contact_locking.laws.body import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.mesh.data import NAMED, lagrange, nodal_functions
 from contact_locking.mesh.domain import Domain
 
 if TYPE_CHECKING:

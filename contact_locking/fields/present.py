@@ -25,7 +25,7 @@ from contact_locking.arrays import AXES, FloatArray, IndexArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Lookup
 from contact_locking.findings import Finding
-from contact_locking.mesh.cell_kind import CellKind, lagrange, nodal_functions
+from contact_locking.mesh.data import CellKind, lagrange, nodal_functions
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum
 from contact_locking.values.value import Value

@@ -135,7 +135,7 @@ class Equations:
         for family in self.families:
             family.add_forces(family.reactions, vector)
             family.add_tool_forces(family.reactions, on_tools)
-        travels = comm.allreduce(on_tools) - system.tools.left
+        travels = comm.allreduce(on_tools) - system.tools.unbalanced
         forces = np.append(vector.array_r, travels)
         free = np.append(system.constraints.free_part(vector.array_r), travels)
         vector.destroy()
@@ -147,7 +147,7 @@ class Equations:
         """``mu(s) |R p|`` (k,) with the slip of the points, whose gaps move them; collective."""
         contact, nodes, points = bound.contact, bound.friction.nodes, bound.friction.x
         slips = contact.slips(self.system.u)
-        nodes.enter(nodes.of_all(contact.state.slip) + norm(points[1 : 1 + nodes.dim]), slips)
+        nodes.scatter(nodes.of_all(contact.state.slip) + norm(points[1 : 1 + nodes.dim]), slips)
         pressure = nodes.at_all(bound.pressing.z)
         return nodes.of_all(contact.rubbing(contact.friction.evaluate(pressure, slips)))
 

@@ -398,7 +398,7 @@ def penalised_iterate(system: System, target: Target, tolerance: float) -> Saved
                 cones.append(None)
                 continue
             family.z[0] = np.maximum(bound, _LEAST_BOUND * largest)
-        family.settle(product)
+        family.centre(product)
         cones.append((family.x, family.z))
     families.destroy()
     return SavedState(system.u.x.array.copy(), system.tools.travels, target.penalty, tuple(cones))

@@ -242,7 +242,7 @@ class StudyNumber:
             made = StudyProblem(parameters, problem.domain, problem.element)
             made.advance(problem.clock.now)
             self._sides.append((value, made, ProblemSolver(made, settings_of(parameters))))
-            made.enter(made.at_rest())
+            made.set_memory(made.at_rest())
 
     def advance(self, time: float) -> None:
         """Put the data of both problems to a time."""
@@ -268,7 +268,7 @@ class StudyNumber:
             system.tools.travels = tuple(
                 np.add(frozen.iterate.travels, step * change.displacement[owned:])
             )
-            problem.enter(
+            problem.set_memory(
                 [
                     contact.state_after(problem.u, fields.state != OPEN, fields.holds)
                     for contact, fields in zip(problem.contacts, contacts, strict=True)
@@ -323,7 +323,7 @@ class Sensitivities:
         told = entry(table, self._shares)
         if self._given.check and (steps is None or time == steps.planned[-1]):
             self._check(told["sensitivities"], solution)
-        return solution.telling(**told)
+        return solution.with_entries(**told)
 
     def _check(self, found: dict[str, Any], solution: Solution) -> None:
         """Add to each derivative the difference of two solves; collective."""

@@ -1,12 +1,14 @@
-"""Limits of the strain; K, which the strain stays in, is the intersection of them all.
+"""Limits of the strain, and the penalties that stand in for limits that are not kept exactly.
 
-UFL is imported where a limit comes to a mesh, as study files are read without it.
+K, which the strain stays in, is the intersection of all limits.  UFL is imported where a limit
+comes to a mesh, as study files are read without it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -17,7 +19,9 @@ from contact_locking.values.concept import BodyKind, Concept, Fault, entry
 from contact_locking.values.kinds import (
     MandelMatrix,
     NegativeScalarOrInfinite,
+    NonNegative,
     OneOf,
+    PositiveOrInfinite,
     PositiveScalarOrInfinite,
     ScalarDirection,
 )
@@ -98,7 +102,7 @@ class Deviator(StrainLimit):
     is_across = True
 
     def on(self, points: Any) -> list[Any]:
-        from contact_locking.laws.locking import deviator
+        from contact_locking.laws.body import deviator
 
         limits = points.positive(self.at_most, "at_most")
         least = math.sqrt(1.0 - points.size / 3.0)
@@ -180,7 +184,7 @@ class Weighted(StrainLimit):
     def on(self, points: Any) -> list[Any]:
         import ufl
 
-        from contact_locking.laws.locking import weighted
+        from contact_locking.laws.body import weighted
 
         size = len(points.pairs)
         values = points.sampler(self.matrix, "matrix", (size, size))()
@@ -218,3 +222,59 @@ def size_faults(key: str, rows: Any, body: BodyKind) -> Iterator[Fault]:
     if isinstance(rows, tuple) and len(rows) != size:
         matrix_rows = f"{len(rows)}x{len(rows)}"
         yield Fault((key,), f"must be {size}x{size} {body} (Mandel), not {matrix_rows}")
+
+
+class PenaltyParameters(Concept):
+    """n of the locking penalty R_n (23), epsilon of contact and friction (22), (25)."""
+
+    n: PositiveOrInfinite = entry(
+        math.inf, "locking penalty; .inf: the variational inequality itself", "stress"
+    )
+    epsilon: NonNegative | None = entry(
+        None,
+        "compliance of the foundation, 1/epsilon is the penalty; 0: none; null: 1/n",
+        "length/stress",
+    )
+
+    @property
+    def compliance(self) -> float:
+        """``epsilon``, which is ``1/n`` unless it is given."""
+        return 1.0 / self.n if self.epsilon is None else self.epsilon
+
+
+@dataclass(frozen=True)
+class Penalty:
+    """``n`` penalises locking, ``epsilon`` contact; each regularisation smooths friction.
+
+    ``n`` is a stress in (0, inf], ``epsilon >= 0`` is a length over a stress, and
+    ``regularisations`` holds one length >= 0 for each contact.  An infinite n, with zero for the
+    other parameters, penalises nothing: the problem is then the variational inequality itself.
+    """
+
+    n: float
+    epsilon: float
+    regularisations: tuple[float, ...]
+
+    def inequality(self) -> Penalty:
+        """The parameters that penalise nothing."""
+        return Penalty(math.inf, 0.0, (0.0,) * len(self.regularisations))
+
+    @property
+    def is_inequality(self) -> bool:
+        """Whether nothing is penalised."""
+        return self == self.inequality()
+
+    @property
+    def is_strict(self) -> bool:
+        """Whether no limit of the strain and no gap may be exceeded."""
+        return math.isinf(self.n) and self.epsilon == 0.0
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether every limit of the strain and every gap may be exceeded."""
+        return math.isfinite(self.n) and self.epsilon > 0.0
+
+    @property
+    def compliance(self) -> float:
+        """``1/(2n)``: the strain beyond the locking limit for a unit of locking stress."""
+        return 0.5 / self.n

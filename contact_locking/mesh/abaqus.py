@@ -18,15 +18,18 @@ from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.files.readable import require_file
 from contact_locking.findings import Finding
-from contact_locking.mesh.cell_kind import (
+from contact_locking.mesh.checks import CellFacets
+from contact_locking.mesh.data import (
     HEXAHEDRON,
     QUADRILATERAL,
     TETRAHEDRON,
     TRIANGLE,
     CellKind,
+    MeshData,
+    MeshElements,
+    flat_points,
+    named_elements,
 )
-from contact_locking.mesh.checks import CellFacets
-from contact_locking.mesh.data import MeshData, MeshElements, flat_points, named_elements
 
 #: Kinds, None for solids that no body may have, by dimension and nodes of a cell of any order.
 KINDS: Mapping[tuple[int, int], CellKind | None] = {

@@ -13,8 +13,17 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.findings import Finding
-from contact_locking.mesh.cell_kind import components, keys, longest_edges, signed_measures
-from contact_locking.mesh.data import MeshData, MeshElements, and_more, listed, point_words
+from contact_locking.mesh.data import (
+    MeshData,
+    MeshElements,
+    and_more,
+    components,
+    keys,
+    listed,
+    longest_edges,
+    point_words,
+    signed_measures,
+)
 
 # A cell has collapsed, or nearly collapsed, if its least Jacobian at a corner, |cell| d! for a
 # simplex, over (longest distance of corners)^d is below these shares.

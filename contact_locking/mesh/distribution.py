@@ -16,8 +16,7 @@ from dolfinx.io.utils import distribute_entity_data
 from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray
-from contact_locking.mesh.cell_kind import CellKind, components
-from contact_locking.mesh.data import MeshData
+from contact_locking.mesh.data import CellKind, MeshData, components
 from contact_locking.parallel import on_root
 
 

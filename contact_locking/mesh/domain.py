@@ -22,9 +22,8 @@ from contact_locking import _compat
 from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.findings import Finding
-from contact_locking.laws.elasticity import REVOLUTION, STRAIGHT, Kinematics
-from contact_locking.mesh.cell_kind import NAMED, CellKind, mean_normals
-from contact_locking.mesh.data import MeshData, point_words
+from contact_locking.laws.body import REVOLUTION, STRAIGHT, Kinematics
+from contact_locking.mesh.data import NAMED, CellKind, MeshData, mean_normals, point_words
 from contact_locking.mesh.distribution import Regions, connected_parts, distribute
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.plain_text import nearest

@@ -14,7 +14,7 @@ from dolfinx import mesh as dmesh
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, IndexArray
 from contact_locking.errors import InputError
-from contact_locking.mesh.cell_kind import NAMED, components, measures
+from contact_locking.mesh.data import NAMED, components, measures
 from contact_locking.mesh.distribution import Regions, connected_parts, marked_facets
 from contact_locking.mesh.domain import Domain, Where, assembled, is_on_axis, tags_of
 from contact_locking.parallel import agree, on_any_rank

@@ -19,11 +19,12 @@ from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import with_key
 from contact_locking.findings import Finding
-from contact_locking.mesh import abaqus, gmsh, xdmf
+from contact_locking.mesh import abaqus
 from contact_locking.mesh.checks import Touching, check_cells, checked
 from contact_locking.mesh.data import MeshData, MeshElements, about
 from contact_locking.mesh.distribution import of_cells, on_first_rank
 from contact_locking.mesh.domain import Domain, distributed
+from contact_locking.mesh.readers import extract, read_gmsh, read_xdmf
 from contact_locking.meshes import build
 
 
@@ -36,7 +37,7 @@ def from_geometry(geometry: Any, comm: MPI.Intracomm, contact: Collection[str] =
 
     def make() -> MeshData:
         with build(geometry, contact=contact) as model:
-            mesh = gmsh.extract(model, origin)
+            mesh = extract(model, origin)
         if not mesh.kind.is_simplex:
             check_cells(mesh)
         return mesh
@@ -53,7 +54,7 @@ def from_file(path: Path, comm: MPI.Intracomm, touching: Touching = ()) -> Domai
     Raises InputError if the file cannot be read, if the cells are not of one kind, and if the mesh
     is not a body.
     """
-    read = {".xdmf": xdmf.read, ".inp": abaqus.read}.get(path.suffix.lower(), gmsh.read)
+    read = {".xdmf": read_xdmf, ".inp": abaqus.read}.get(path.suffix.lower(), read_gmsh)
 
     def make() -> MeshData:
         data = read(path)

@@ -8,7 +8,7 @@ They differ from the print in five points.
 - The paper has one epsilon.  Here the compliance of contact in (25), a length over a stress, is
   ``epsilon``, and the length in (21) is ``delta``, by default ``E epsilon`` with Young's modulus.
 - ``G = mu(|u_tau|) |R sigma_nu(u)|`` is a coefficient, the friction bound, as in Tresca's problem;
-  :mod:`~contact_locking.penalty_method.fixed_point` updates it.  At a fixed G the left side of
+  :mod:`~contact_locking.penalty_method.method` updates it.  At a fixed G the left side of
   (25) is the derivative of a convex energy, and its tangent is symmetric.
 - Integrals over Gamma_C are sums over the nodes, with the weights ``int phi_i``.
 """
@@ -25,7 +25,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.fem import compiled
-from contact_locking.laws.locking import (
+from contact_locking.laws.body import (
     locking_energy,
     locking_stress,
     normal_part,
@@ -33,7 +33,7 @@ from contact_locking.laws.locking import (
     squared_norm,
     tangential_part,
 )
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.problem import forms
 from contact_locking.problem.strain_sets import NormSet
 from contact_locking.problem.system import System

@@ -1,17 +1,151 @@
-"""The method of the paper: continuation in n, the fixed point of the bound, and SNES on (26)."""
+"""The method of the paper: continuation in n, the fixed point of the bound, and SNES on (26).
+
+The fixed point is ``G = mu(|u_tau|) |R sigma_nu(u(G))|``.  The map takes a bound G, solves Tresca's
+problem, which is friction under the known bound G, and gives the bound of the solution.  The map
+Lambda of Lemma 4.7 takes a traction, a vector, in its place; it has the same fixed points but other
+contraction factors, and is not defined for delta = 0.
+"""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
+import numpy as np
+
+from contact_locking.arrays import FloatArray
+from contact_locking.contact.nodal_contact import joint_norm
 from contact_locking.errors import NotConverged
-from contact_locking.laws.penalty import Penalty
-from contact_locking.penalty_method.continuation import PenaltyPath, follow
+from contact_locking.laws.limits import Penalty
 from contact_locking.penalty_method.equations import Equations
-from contact_locking.penalty_method.fixed_point import fixed_point
 from contact_locking.penalty_method.newton import Newton
 from contact_locking.solver.explain import BOUND_WAY_OUT
-from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
+from contact_locking.solver.task import Outcome, SavedState, Target, Task, stage_of
+
+# The softest penalties: n over the largest eigenvalue of A, and lengths over that of the body.
+_SOFT_LOCKING, _SOFT_CONTACT = 10.0, 0.1
+# After a failure the step halves; the continuation ends below so many decades.
+_SMALLEST = 0.05
+
+
+@dataclass(frozen=True)
+class PenaltyPath:
+    """``(n, epsilon, delta)(s)``, 0 <= s <= 1: all geometric, from a soft ``start`` to the ``end``.
+
+    ``decades`` is the longest of the ways in powers of ten.
+    """
+
+    start: Penalty
+    end: Penalty
+
+    @classmethod
+    def towards(cls, target: Target) -> PenaltyPath:
+        """From ``n = 10 |A|``, ``epsilon = L/(10 E)`` and ``delta = L/10`` in a body of length L.
+
+        A target that is softer than that is its own start.
+        """
+        soft = _SOFT_CONTACT * target.length
+        count = len(target.penalty.regularisations)
+        n, epsilon = _SOFT_LOCKING * target.stiffness, soft / target.young
+        return cls.onwards(Penalty(n, epsilon, (soft,) * count), target)
+
+    @classmethod
+    def onwards(cls, known: Penalty, target: Target) -> PenaltyPath:
+        """From the penalty parameters of a known solution, where the target is beyond them."""
+        end = target.penalty
+        n, epsilon = min(known.n, end.n), max(known.epsilon, end.epsilon)
+        longest = max(known.regularisations, default=0.0)
+        return cls(Penalty(n, epsilon, tuple(max(longest, d) for d in end.regularisations)), end)
+
+    @property
+    def decades(self) -> float:
+        start, end = self._logarithms()
+        return float(np.max(np.abs(end - start)))
+
+    def at(self, s: float) -> Penalty:
+        start, end = self._logarithms()
+        n, epsilon, *deltas = 10.0 ** (start + s * (end - start))
+        return self.end if s >= 1.0 else Penalty(float(n), float(epsilon), tuple(deltas))
+
+    def _logarithms(self) -> list[FloatArray]:
+        sides = (self.start, self.end)
+        return [np.log10([item.n, item.epsilon, *item.regularisations]) for item in sides]
+
+
+def follow(path: PenaltyPath, solve: Callable[[Penalty, bool], None]) -> None:
+    """Call ``solve(penalty, is_last)`` along the path, a decade at a time.
+
+    A stage fails by raising NotConverged and leaves the state that it started from; the step is
+    then halved.  The last failure is raised where the step has become small.
+    """
+    step = 1.0 / max(path.decades, 1.0)
+    smallest = _SMALLEST * step
+    solved, s = 0.0, 0.0 if path.decades > 0.0 else 1.0
+    while True:
+        # The rest of the way is at least a fifth of a step.
+        s = 1.0 if s > 1.0 - 0.2 * step else s
+        penalty = path.at(s)
+        try:
+            solve(penalty, s >= 1.0)
+        except NotConverged as failure:
+            step = 0.5 * (s - solved)
+            if step < smallest:
+                where = f"n = {penalty.n:.3g}, epsilon = {penalty.epsilon:.3g}"
+                failure.args = (f"{failure} at {where}",)
+                raise
+            s = solved + step
+            continue
+        if s >= 1.0:
+            return
+        solved, s = s, s + step
+
+
+def fixed_point(
+    task: Task, equations: Equations, solve: Callable[[float], None]
+) -> tuple[float, float | None]:
+    """Repeat ``G <- mu |R sigma_nu(u(G))|`` until G changes by ``friction_tolerance`` of itself.
+
+    ``solve`` solves (26) under the present bound, more sharply than the last change that it is
+    passed, which is infinite at first.  Changes count relative to the norm of the bound, or to
+    ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
+    solve.  Returns the last change and the geometric mean of the ratios of successive changes, the
+    contraction factor.  Raises NotConverged after ``max_friction_updates``.
+    """
+    settings, counts, bounds = task.settings, task.counts, task.system.bounds
+    rubbing, changes = task.system.rubbing, list[float]()
+    contraction: float | None = None
+    for _ in range(settings.max_friction_updates):
+        solve(changes[-1] if changes else math.inf)
+        used, new = bounds.at(rubbing), equations.friction_bounds()
+        size = max(joint_norm(rubbing, new), task.least_bound())
+        change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
+        changes.append(change / size if size > 0.0 else change)
+        counts.updates += 1
+        observed = contraction_factor(changes, settings.friction_tolerance)
+        contraction = contraction if observed is None else observed
+        task.monitor.friction_update(counts.updates, changes[-1], contraction)
+        if changes[-1] <= settings.friction_tolerance:
+            return changes[-1], contraction
+        bounds.set(rubbing, new)
+    factor = "" if contraction is None else f", contraction factor {contraction:.2f}"
+    raise NotConverged(
+        f"the friction bound still changes by {changes[-1]:.1e} of itself after "
+        f"{len(changes)} updates{factor}"
+    )
+
+
+def contraction_factor(changes: list[float], floor: float) -> float | None:
+    """The geometric mean ratio of successive changes, without those that are far below ``floor``.
+
+    The first change is left out too if there are enough: it measures the start, not the map.
+    """
+    seen = [change for change in changes if change > 0.1 * floor]
+    seen = seen[1:] if len(seen) > 3 else seen
+    if len(seen) < 2:
+        return None
+    return float(np.exp(np.mean(np.log(np.divide(seen[1:], seen[:-1])))))
+
 
 # Stages before the last only have to be good starting points.
 _INTERMEDIATE_TOLERANCE = 1e-2
@@ -38,7 +172,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
         path = PenaltyPath.onwards(saved.penalty, task.target)
         try:
             outcome = _along(path, task, equations, stages)
-            return replace(outcome.counted(task.counts, stages), from_saved=True)
+            return replace(outcome.with_counts(task.counts, stages), from_saved=True)
         except NotConverged:
             task.system.clear()
             stages.clear()
@@ -47,7 +181,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     except NotConverged as failure:
         way_out = f"{_WAY_OUT}  {BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
         outcome = Outcome(equations.multipliers(), reason=str(failure), suggestion=way_out)
-    return outcome.counted(task.counts, stages)
+    return outcome.with_counts(task.counts, stages)
 
 
 def _along(
@@ -65,7 +199,7 @@ def _along(
             outcome = _settled(newton, task, equations)
         else:
             newton.solve(_INTERMEDIATE_TOLERANCE)
-            system.bounds.enter(system.rubbing, equations.friction_bounds())
+            system.bounds.set(system.rubbing, equations.friction_bounds())
             counts.updates += bool(system.rubbing)
         stages.append(stage_of(penalty, counts.tangents - before))
         task.monitor.counted(counts.tangents, counts.updates)

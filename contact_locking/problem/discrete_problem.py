@@ -1,4 +1,4 @@
-"""The body with its data, and the discrete problem before a solve: all that it is made of."""
+"""The body with its loads and supports, and the discrete problem: everything but the solver."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from contact_locking.fem import compiled
 from contact_locking.fem.spaces import Element
 from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.findings import TEXTS, Finding
-from contact_locking.laws.locking import squared_norm
-from contact_locking.laws.penalty import Penalty, PenaltyParameters
+from contact_locking.laws.body import squared_norm
+from contact_locking.laws.limits import Penalty, PenaltyParameters
 from contact_locking.mesh.domain import Domain, require_surface
 from contact_locking.parallel import on_every_rank
 from contact_locking.problem import forms
@@ -51,9 +51,9 @@ from contact_locking.values.kinds import expressions
 _ADVICE = "refine the mesh there, or let a boundary of material.regions go there"
 _ADVICE_ON_CELLS = "refine the mesh there, or let a boundary of the region in its on go there"
 _ADVICE_ON_FACETS = "refine the mesh there"
-# No body can bear loads of this multiple of its stiffness.
+# Loads over the stiffness of the material above which the units cannot be meant.
 _ABSURD = 1e30
-# A slip, as a share of the size of the body.
+# A typical slip over the size of the body.
 _SOME_SLIP = 1e-3
 
 
@@ -61,12 +61,14 @@ _SOME_SLIP = 1e-3
 class Body:
     """The body with its loads and supports, without contact; each concept has its key.
 
-    ``space`` is the space of displacements of ``element``.  ``elasticity`` is A in cells, of which
-    the last counts, or the A in the bilinear ``form`` if one is given, whose ``others`` are the
-    terms that are no work of stresses; ``eigenstrains`` in cells add up.  ``regions`` are cells
-    whose stress may jump against that of all others.  ``held`` are the prescribed displacements,
-    beside those of conditions of DOLFINx, ``bcs``.  ``work`` is a linear form beside the ``loads``,
-    and ``own_energy`` maps u to a convex and differentiable functional.
+    - ``space``: the displacements, of the ``element``
+    - ``elasticity``: A by cells, the last one counts; or the A of the bilinear ``form``
+    - ``eigenstrains``, ``limits``: by cells; eigenstrains add up
+    - ``regions``: sets of cells across whose boundary the stress may jump
+    - ``held``, ``bcs``: prescribed displacements, as concepts and as conditions of DOLFINx
+    - ``loads``, ``work``: as concepts and as a linear form
+    - ``others``: the terms of ``form`` that are not the work of a stress
+    - ``own_energy``: maps u to a convex and differentiable functional
     """
 
     domain: Domain
@@ -86,7 +88,7 @@ class Body:
     own_energy: Callable[[fem.Function], Expr] | None = None
 
     def elastic(self, material: Material) -> Callable[[Expr, Expr], ufl.Form]:
-        """``a(u, v)`` for any displacements."""
+        """``a(u, v)`` as a function of u and v."""
         element, form = self.element, self.form
         dx = element.elastic_dx(self.domain.dx())
 
@@ -101,7 +103,7 @@ class Body:
         return of_stress if form is None else of_form
 
     def require_parts(self, contacts: Sequence[Contact]) -> None:
-        """Raise InputError for parts that do not fit the mesh; collective."""
+        """Raise InputError for boundary parts that the mesh does not have; collective."""
         domain = self.domain
         loads = [load for load in self.loads if not isinstance(load, BodyForce)]
         for concept in (*contacts, *loads, *self.springs):
@@ -128,9 +130,9 @@ class Body:
                 )
 
     def require_free(self, contacts: Sequence[Contact]) -> None:
-        """Raise InputError for a condition that holds Gamma_C across; collective.
+        """Raise InputError for a condition that prescribes the normal displacement of Gamma_C.
 
-        A script may do so: contact then has nothing to do there.
+        Conditions of DOLFINx may do so; contact does not act at their nodes.  Collective.
         """
         domain = self.domain
         facets = [
@@ -151,7 +153,7 @@ class Body:
                 )
 
     def features(self, contacts: Sequence[Contact], clock: Clock) -> Iterator[Finding]:
-        """Findings about data that change between the points in use, but for loads; collective."""
+        """Findings about data, except loads, that change between the points in use; collective."""
         domain = self.domain
         every = np.arange(len(domain.parts), dtype=np.int32)
         for items, advice, relative in (
@@ -176,8 +178,7 @@ class Body:
                 continue
             key = contact.friction_key("coefficient")
             facets = Entities.of(domain, domain.dim - 1, domain.facets(contact.on))
-            # Friction may begin with the slip; from the size of the body on the slip is as good as
-            # endless.
+            # mu may change near s = 0; a slip as long as the body stands for an infinite one.
             slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
             for slip in slips if "s" in mu.expression.names else slips[:1]:
                 if findings := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
@@ -186,16 +187,17 @@ class Body:
 
 
 class DiscreteProblem:
-    """The discrete problem: its parts stay, and the values of its data may change.
+    """The discrete problem; values of its data may change between solves.
 
-    ``data`` holds the forms' data, ``u`` the displacement, ``penalty`` the penalty parameters to
-    solve for, ``rigidity`` knows the rigid motions, and ``held`` tells how each part is held.
-    ``clock`` has the time of data that depend on it.
-    ``follows_n`` says that the compliance of the contact was not chosen, but is 1/n.  ``findings``
-    tell what is probably not intended.
+    - ``data``: what the forms need, with the contacts
+    - ``u``: the displacement
+    - ``penalty``: the penalty parameters to solve for
+    - ``follows_n``: whether the compliance of contact is 1/n by default
+    - ``rigidity``, ``held``: the rigid motions, and how each boundary part is held
+    - ``clock``: the time of data that depend on it
+    - ``findings``: data that are probably not intended
 
-    The constructor is collective.  Raises InputError for data that cannot be used, and for a
-    foundation behind Gamma_C.
+    The constructor is collective and raises InputError for unusable data.
     """
 
     def __init__(
@@ -272,63 +274,60 @@ class DiscreteProblem:
 
     @property
     def free(self) -> int:
-        """The number of rigid motions that contact alone stops."""
+        """The number of rigid motions that only contact stops."""
         return sum(held.free for held in self.held)
 
     @property
     def sliding(self) -> int:
-        """The number of rigid motions that friction alone stops."""
+        """The number of rigid motions that only friction stops."""
         return sum(held.sliding for held in self.held)
 
     @property
     def sprung(self) -> int:
-        """The number of rigid motions that springs stop and no displacement condition does."""
+        """The number of rigid motions that springs stop and displacement conditions do not."""
         return sum(held.sprung for held in self.held)
 
-    def enter(self, states: Sequence[ContactState]) -> None:
-        """Begin a step with the memory of friction at each contact; collective."""
+    def set_memory(self, states: Sequence[ContactState]) -> None:
+        """Begin a step with what friction remembers at each contact; collective."""
         for contact, state in zip(self.contacts, states, strict=True):
-            contact.enter(state)
+            contact.set_memory(state)
 
     def at_rest(self) -> tuple[ContactState, ...]:
-        """The memory of friction before the first step."""
+        """What friction remembers before the first step: nothing has moved."""
         return tuple(
             ContactState.at_rest(len(contact.surface.nodes), self.domain.dim)
             for contact in self.contacts
         )
 
-    def place(self) -> None:
-        """Take the present prescribed displacements, foundations and forces; collective.
+    def update_foundations(self) -> None:
+        """Update prescribed displacements, foundations and their forces to the time; collective.
 
-        Raises InputError for a value that is not finite, and for a force that turns.
+        Raises InputError for a value that is not finite, and for a force that changes direction.
         """
         self.constraints.advance()
         for contact in self.contacts:
-            contact.place()
+            contact.update_foundation()
         for tool in self.data.tools:
             tool.advance()
 
-    def go_along(self, touching: Sequence[BoolArray]) -> bool:
-        """Let bodies face each other as they do at the solution u; collective.
+    def update_pairs(self, touching: Sequence[BoolArray]) -> bool:
+        """Pair the bodies anew where they are at the solution u; collective.
 
-        ``touching`` are the nodes (k,) that touch at each contact.  Returns whether a frame has
-        changed, so that u is the solution in the frame before.
+        ``touching`` are the nodes (k,) that touch at each contact.  Returns whether a pairing has
+        changed, in which case u is the solution for the previous one.
         """
         pairs = zip(self.contacts, touching, strict=True)
-        return any([contact.go_along(self.u, touches) for contact, touches in pairs])
+        return any([contact.update_pairs(self.u, touches) for contact, touches in pairs])
 
     def refresh(self) -> None:
-        """Take the present values of all data; collective.
-
-        Raises InputError as at first, but for parts that are free to move.
-        """
+        """Update everything to the present values of the data; collective."""
         self.material.refresh()
         self.limits.refresh()
         self.findings += [each for x in self.loads if x.is_timed for each in x.advance()]
-        self.place()
+        self.update_foundations()
 
     def _work(self) -> ufl.Form | None:
-        """The loads, less the work of the stress of the body without strain."""
+        """The loads, minus the work of the stress that an eigenstrain causes at zero strain."""
         body, material = self.body, self.material
         v = ufl.TestFunction(body.space)
         parts = [ufl.inner(load.density, v) * load.measure for load in self.loads]
@@ -347,11 +346,10 @@ class DiscreteProblem:
 
 
 def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:
-    """``sqrt(a(u - w, u - w))`` and ``|eps(u - w)|`` of displacements u and w; collective.
+    """``sqrt(a(u - w, u - w))`` and ``|eps(u - w)|`` of the displacements u and w, ``other``.
 
-    They are ``energy_norm`` and ``displacement_norm``, and ``relative`` is the first over
-    ``sqrt(a(u, u))``.  Raises InputError for displacements of other meshes, distributions or
-    degrees.
+    The keys are ``energy_norm`` and ``displacement_norm``; ``relative`` is the first over
+    ``sqrt(a(u, u))``.  Collective; raises InputError for another mesh, distribution or degree.
     """
     mesh = u.function_space.mesh
     comm = mesh.comm

@@ -20,7 +20,7 @@ from ufl.core.expr import Expr
 
 from contact_locking.arrays import SMALLEST, FloatArray
 from contact_locking.errors import InputError
-from contact_locking.laws import elasticity as law
+from contact_locking.laws import body as law
 from contact_locking.laws.material import Eigenstrain, Elasticity
 from contact_locking.problem.points import Placed, Points
 from contact_locking.problem.strain_sets import Sampler

@@ -1,4 +1,4 @@
-"""The discrete problem for a solver: displacement, forces of the body, friction bounds."""
+"""The discrete problem as a solver sees it: displacement, forces and energies, friction bounds."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.contact.travel import Tools
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm, Kept
-from contact_locking.laws.locking import squared_norm
+from contact_locking.laws.body import squared_norm
 from contact_locking.problem import forms
 from contact_locking.problem.rounding import LooseMotion, Rounding, largest_displacement
 from contact_locking.supports.conditions import Constraints, block_diagonal
 
 
 class BodyForms:
-    """``a(w, w)/2``, ``a(w, .)``, ``|eps(w)|`` and ``(f, .)`` of displacements w; collective.
+    """Compiled forms: energies, norms and nodal forces of displacements w; collective.
 
     Nodal forces are local arrays of the displacement space, ghosts included.
     """
@@ -33,7 +33,7 @@ class BodyForms:
     def __init__(self, space: fem.FunctionSpace, data: forms.ProblemData) -> None:
         v, self._data = ufl.TestFunction(space), data
         self._w, self._forces = fem.Function(space), fem.Function(space)
-        # Cells and facets have forms of their own, as those of `JointForm`.
+        # One form for cells and one for facets, as in `JointForm`.
         parts = [data.elasticity, *(item.form for item in data.springs)]
         self._energies = [compiled.form(0.5 * part(self._w, self._w)) for part in parts]
         self._elastic = JointForm(forms.elastic_form(self._w, v, data))
@@ -54,12 +54,12 @@ class BodyForms:
         return self._nodal(self._elastic)
 
     def body_forces(self, w: fem.Function) -> FloatArray:
-        """``a(w, .)``, and ``J'(w)`` of the user's own energy J, if there is one."""
+        """``a(w, .) + J'(w)``, with J = 0 unless the user gives an energy."""
         forces = self.elastic_forces(w)
         return forces if self._data.own_energy is None else forces + self._nodal(self._own)
 
     def own_energy(self, w: fem.Function) -> float:
-        """``J(w)``, 0 without an energy of the user's; not a number where there is none."""
+        """``J(w)``, 0 unless the user gives an energy; NaN where J is not defined."""
         return 0.0 if self._data.own_energy is None else self._value(self._own_value, w)
 
     @cached_property
@@ -123,7 +123,7 @@ class BodyForms:
 
 @dataclass(frozen=True)
 class SystemState:
-    """Local displacements, ghosts included, travels of tools, and friction bounds (k,)."""
+    """What :meth:`System.restore` restores; displacements are local values, ghosts included."""
 
     displacement: FloatArray
     travels: tuple[float, ...]
@@ -131,11 +131,12 @@ class SystemState:
 
 
 class System:
-    """The body of a discrete problem for a solver, with the friction bounds and tools in force.
+    """The state that a solver changes, and the forms that it needs.
 
-    ``u`` is the displacement, at all times with the prescribed values in the constrained dofs.
-    ``held_by_contact`` says that contact alone stops some rigid motion, and ``held_by_friction``
-    that friction alone stops some rigid motion.  ``loose`` is that of :class:`Rounding`.
+    - ``u``: the displacement, with the prescribed values in the constrained dofs at all times
+    - ``bounds``, ``tools``: the friction bounds in force, and the travels of pushed foundations
+    - ``held_by_contact``, ``held_by_friction``: whether it alone stops some rigid motion
+    - ``load``: the loads at the owned dofs, constrained dofs included
     """
 
     def __init__(
@@ -163,7 +164,6 @@ class System:
 
     def assemble_loads(self) -> None:
         """Assemble the loads of the present time; collective."""
-        # (f, .) at the owned dofs, constrained dofs included.
         self.load = self.forms.loads()[: self._owned]
         self._load_norm = self._norm(self.load)
 
@@ -193,11 +193,13 @@ class System:
         return tuple(item for item in self.contacts if not item.friction.frictionless)
 
     def near_nullspace(self) -> PETSc.NullSpace:
-        """The rigid body motions, for algebraic multigrid; collective."""
-        return near_nullspace(self.u)
+        """The rigid body motions, orthonormal, for algebraic multigrid; collective."""
+        # Axisymmetric bodies, too, get all motions of the plane, which they hardly resist away from
+        # the axis: multigrid takes a third of the iterations.
+        return near_nullspace(self.u.x.petsc_vec.duplicate(), self.u.function_space)
 
     def force_scale(self, tolerance: float) -> float:
-        """``max(|f|, |a(u, .)|)`` over all dofs, reactions included, above rounding; collective."""
+        """``max(|f|, |a(u, .)|)`` over all dofs, at least what rounding makes; collective."""
         acting = max(self._load_norm, self._norm(self.forms.elastic_forces(self.u)))
         return self.rounding.raise_above(acting, tolerance)
 
@@ -224,7 +226,7 @@ class System:
         return float(np.sqrt(self.comm.allreduce(square)))
 
     def clear(self) -> None:
-        """``u = 0`` at free dofs, all friction bounds and travels zero; collective."""
+        """Set u at free dofs, friction bounds and travels to zero; collective."""
         self.u.x.array[:] = 0.0
         self.constraints.apply(self.u)
         self.remove_friction()
@@ -251,33 +253,26 @@ class System:
             self.restore(state)
 
     def state(self) -> SystemState:
-        """The displacement, travels and friction bounds at present."""
+        """A copy of displacement, travels and friction bounds."""
         bounds = self.bounds.at(self.contacts)
         return SystemState(self.u.x.array.copy(), self.tools.travels, bounds)
 
     def restore(self, state: SystemState) -> None:
-        """Take a displacement, travels and friction bounds."""
+        """Set displacement, travels and friction bounds."""
         self.u.x.array[:] = state.displacement
         self.tools.travels = state.travels
-        self.bounds.enter(self.contacts, state.bounds)
+        self.bounds.set(self.contacts, state.bounds)
 
     def function_of(self, values: FloatArray) -> fem.Function:
         """A displacement field with these owned values; collective."""
-        found = fem.Function(self.u.function_space)
-        found.x.array[: self._owned] = values[: self._owned]
-        found.x.scatter_forward()
-        return found
+        field = fem.Function(self.u.function_space)
+        field.x.array[: self._owned] = values[: self._owned]
+        field.x.scatter_forward()
+        return field
 
 
-def near_nullspace(u: fem.Function) -> PETSc.NullSpace:
-    """The rigid body motions of the space of a displacement, orthonormal; collective."""
-    # Away from its axis an axisymmetric body resists the motions of the plane little: with all
-    # three of them multigrid took a third of the iterations.
-    return _rigid_motions(u.x.petsc_vec.duplicate(), u.function_space)
-
-
-def _rigid_motions(vector: PETSc.Vec, space: fem.FunctionSpace) -> PETSc.NullSpace:
-    """Those of a space as vectors like the given one, which is destroyed; collective."""
+def near_nullspace(vector: PETSc.Vec, space: fem.FunctionSpace) -> PETSc.NullSpace:
+    """The rigid motions of a space as vectors like ``vector``, which is destroyed; collective."""
     points = space.tabulate_dof_coordinates()[: space.dofmap.index_map.size_local]
     vector.array_w[:] = points[:, : vector.getBlockSize()].reshape(-1)
     nullspace = PETSc.NullSpace().createRigidBody(vector)
@@ -288,13 +283,12 @@ def _rigid_motions(vector: PETSc.Vec, space: fem.FunctionSpace) -> PETSc.NullSpa
 def affine_part(
     space: fem.FunctionSpace, constraints: Constraints
 ) -> tuple[PETSc.Mat, PETSc.NullSpace]:
-    """``P``, from values at the corners of cells to nodal values, and the rigid motions there.
+    """The prolongation P from affine to quadratic displacements, and the affine rigid motions.
 
-    With ``F`` the projection of a node's displacement onto the directions that the conditions leave
-    free, the value at the midpoint m of an edge between the corners 1 and 2 is
-    ``F_m (F_1 v_1 + F_2 v_2)/2``, and ``v_1`` at the corner 1.  So ``P^T A P`` has the identity for
-    what the conditions hold wherever A has.  ``space`` has the quadratic displacements.
-    Collective.
+    Let F project a node's displacement onto the directions that the conditions leave free.  P is
+    ``v_1`` at a corner 1, and ``F_m (F_1 v_1 + F_2 v_2)/2`` at the midpoint m of the edge between
+    the corners 1 and 2.  So ``P^T A P`` keeps the identity rows that A has for constrained dofs.
+    ``space`` is that of the quadratic displacements.  Collective.
     """
     dim = space.dofmap.index_map_bs
     affine = fem.functionspace(space.mesh, ("P", 1, (dim,)))
@@ -326,4 +320,4 @@ def affine_part(
     prolongation.setBlockSizes(dim, dim)
     for petsc_object in (plain, left, right, scaled, is_corner):
         petsc_object.destroy()
-    return prolongation, _rigid_motions(prolongation.createVecRight(), affine)
+    return prolongation, near_nullspace(prolongation.createVecRight(), affine)

@@ -27,8 +27,7 @@ from contact_locking.certificate.laws import ENTRY
 from contact_locking.contact.coulomb import default_radius
 from contact_locking.errors import InputError, NotRefined
 from contact_locking.findings import Finding
-from contact_locking.mesh.cell_kind import longest_edges, signed_measures
-from contact_locking.mesh.data import MeshData, point_words
+from contact_locking.mesh.data import MeshData, longest_edges, point_words, signed_measures
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.parts import NamedFacets
 from contact_locking.mesh.sources import WholeMesh, elements, gather_cells, gather_mesh, spread
@@ -91,14 +90,14 @@ def adapted(
         monitor.mesh(len(meshes), words)
         if stopped and not is_reached:
             finding = Finding("adapt.stopped", reason=stopped)
-            solution = solution.warned(finding)
+            solution = solution.with_warnings(finding)
             monitor.message(f"warning: {finding}")
         about = {
             "tolerance": adaptation.tolerance,
             "reached": is_reached,
             "stopped": stopped or None,
         }
-        yield solution.telling(
+        yield solution.with_entries(
             adapt={**about, "meshes": [dict(entry) for entry in meshes]},
             wall_seconds=time.perf_counter() - began,
         )

@@ -30,7 +30,7 @@ from contact_locking.fem.compiled import Kept
 from contact_locking.files import atomic
 from contact_locking.files.readable import file_digest
 from contact_locking.findings import Finding
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.sources import WholeMesh, gather_cells, gather_mesh, spread
 from contact_locking.parallel import on_root
@@ -107,13 +107,13 @@ class Checkpoint:
         system.tools.travels = self.state.travels
         # The travel of a foundation, which is part of the state, changes what slips refer to.
         for contact, (place, slip) in zip(contacts, self.memories, strict=False):
-            contact.recall(place, slip, self.old_displacement)
+            contact.restore_step(place, slip, self.old_displacement)
         if len(self.history):
             counts = Counts(int(self.history.last("tangents")), int(self.history.last("linear")))
-        system.bounds.enter(contacts, self.bounds)
+        system.bounds.set(contacts, self.bounds)
         assert self.state.multipliers is not None
         outcome = Outcome.solved(self.state.multipliers, from_saved=True)
-        return solver.state(outcome.counted(counts, ()))
+        return solver.state(outcome.with_counts(counts, ()))
 
 
 class Layout:

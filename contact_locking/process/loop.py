@@ -180,7 +180,7 @@ class Process(Iterator[S]):
         solution: S | None = None
         last: State | None = None
         before: Moment | None = None
-        discrete.enter(discrete.at_rest())
+        discrete.set_memory(discrete.at_rest())
         for path in paths:
             saved = checkpoint.read(path, discrete, is_step=True)
             self._put(saved.time)
@@ -193,7 +193,7 @@ class Process(Iterator[S]):
             timeline.skip_to(saved.time)
             # With other data than those of the saved step the state is no equilibrium.
             last, before = solution.state, Moment.of(state, solution.converged)
-            discrete.enter(last.contacts)
+            discrete.set_memory(last.contacts)
         while not timeline.is_over:
             began = clocks.perf_counter()
             at = timeline.target
@@ -234,7 +234,7 @@ class Process(Iterator[S]):
             energy, after = energy_balance(before or Moment.at_rest(state), state)
             candidate = self._solution(state, energy, at)
             if energy.defect is None:
-                candidate = candidate.warned(Finding("steps.restart", time=timeline.done))
+                candidate = candidate.with_warnings(Finding("steps.restart", time=timeline.done))
             # Half the step misses a foundation between the nodes as well.
             entering = candidate.certificate.criteria.get(ENTRY)
             if (
@@ -247,7 +247,7 @@ class Process(Iterator[S]):
                 # Where the process stops, its words begin with the last time.
                 last_time = solution.time if solution and not self._stops else -math.inf
                 words = timeline.explained(candidate.reason, at, last_time)
-                candidate = candidate.telling(**words)
+                candidate = candidate.with_entries(**words)
                 if solution is not None and self._stops:
                     yield self._stopped(solution, candidate.reason)
                     return
@@ -260,7 +260,7 @@ class Process(Iterator[S]):
                 return
             timeline.succeed()
             last = solution.state
-            discrete.enter(last.contacts)
+            discrete.set_memory(last.contacts)
 
     def _solve_at(self, at: float, last: State | None) -> Outcome:
         """Solve at the present time; collective."""
@@ -300,7 +300,7 @@ class Process(Iterator[S]):
     def _stopped(self, last: S, reason: str) -> S:
         """The last solution, which is that of a process that goes no farther."""
         ended = Finding("steps.ended", time=last.time, reason=reason)
-        return last.telling(**self._end(last, ended))
+        return last.with_entries(**self._end(last, ended))
 
     def _halve(self, at: float, failure: str) -> bool:
         """Halve the step after a failure, if it may be halved, and say so."""
@@ -325,7 +325,7 @@ class Process(Iterator[S]):
         warnings = [*solution.warnings, *self._halved, *self._solver.unused_options()]
         steps = totals(self.history, len(self._halved), self._planned)
         return dataclasses.replace(
-            solution.telling(restart=restart, steps=steps, warnings=warnings),
+            solution.with_entries(restart=restart, steps=steps, warnings=warnings),
             probes=self._probes,
             history=Table.of(self.history.rows),
             halved=self._halved,

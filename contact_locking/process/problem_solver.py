@@ -1,4 +1,4 @@
-"""One problem with its solver, for as many solves as are wanted."""
+"""A discrete problem with its solver: any number of solves, and the solution of each."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from contact_locking.findings import Finding
 from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
-from contact_locking.penalty_method.scope import require_served
+from contact_locking.penalty_method import require_served
 from contact_locking.problem.discrete_problem import DiscreteProblem, distance
 from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import System
@@ -41,16 +41,16 @@ from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import Outcome, SavedState, Target, Task
 
-# The frame of bodies that touch each other is that of the solution after one to three solves.
+# The most solves with bodies paired anew; usually the pairing stays after one to three.
 _MOST_FRAMES = 8
-_APART = "where bodies face each other as they did at the solution before, nothing is admissible"
+_APART = "with the bodies paired as at the previous solution, nothing is admissible"
 
 
 class ProblemSolver:
-    """The solver of a discrete problem, for as many solves as there are steps; collective.
+    """The solver of a discrete problem; mesh, compiled forms and spaces are made once.
 
-    Mesh, compiled forms and spaces are made once.  Before each solve the caller puts the problem to
-    its time, or to its new data.  Raises InputError for what ``method: penalty`` does not serve.
+    Before each solve the caller updates the problem to its time or new data.  Constructor and
+    methods are collective.  Raises InputError for a problem that ``method: penalty`` cannot solve.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class ProblemSolver:
         )
 
     def begin(self) -> None:
-        """Take the loads of the problem, and forget the solution before; collective."""
+        """Assemble the present loads and reset the state to zero."""
         self.system.assemble_loads()
         self.system.clear()
 
@@ -104,10 +104,7 @@ class ProblemSolver:
         saved: SavedState | None = None,
         searches: bool = True,
     ) -> Outcome:
-        """Solve at present, from a saved state if that helps; collective.
-
-        ``searches`` is that of :class:`Task`.
-        """
+        """Solve for the present data, from a saved state if that helps; see :class:`Task`."""
         self.close()
 
         def task() -> Task:
@@ -126,7 +123,7 @@ class ProblemSolver:
                 break
             report = solve_system(task(), start).after(report)
             if report.is_infeasible:
-                # That holds for bodies that face each other as after the last solve.
+                # The proof is for one pairing of the bodies only.
                 reason = f"{_APART}: {report.reason}"
                 report = dataclasses.replace(report, is_infeasible=False, reason=reason)
         else:
@@ -135,14 +132,11 @@ class ProblemSolver:
         return report
 
     def _next_start(self, report: Outcome) -> SavedState | None:
-        """Let bodies face each other as they do at the solution; collective.
-
-        Returns where to go on from, None if they face each other so already.
-        """
+        """Pair the bodies anew at the solution; the state to go on from, None if none changed."""
         problem, system = self.problem, self.system
         assert report.multipliers is not None
         touching = [forces.touches for forces in report.multipliers.contacts]
-        if not problem.go_along(touching):
+        if not problem.update_pairs(touching):
             return None
         return SavedState(
             problem.u.x.array.copy(),
@@ -159,36 +153,36 @@ class ProblemSolver:
 
     @property
     def may_lock_up(self) -> bool:
-        """Whether limits of the strain may leave nothing admissible; collective."""
+        """Whether strain limits are strict, so that perhaps nothing is admissible."""
         sets = self.system.data.sets
         limits = np.concatenate([np.zeros(1), *(law.inverse_limit.x.array for law in sets)])
         return self.target.penalty.is_strict and maximum(self.system.comm, limits) > 0.0
 
     def verdict(self) -> Verdict | None:
-        """Whether nothing is admissible at present, None without a proof; collective."""
+        """That nothing is admissible for the present data, None without a proof."""
         return judge(dataclasses.replace(self.task, monitor=Monitor()))
 
     def is_unbalanced(self) -> bool:
-        """Whether a proof shows that no forces balance the present loads; collective."""
+        """Whether it is proved that no forces of contact and friction balance the loads."""
         return self.problem.free > 0 and self.problem.rigidity.is_unheld()
 
     def derivatives(self, report: Outcome) -> Differentiable | None:
-        """The derivatives of the solution of a report, until the next solve."""
+        """The derivatives of the solution of a report, valid until the next solve."""
         if self._derivatives is None or self._derivatives[0] is not report:
             self.close()
-            made = (derivatives(self, report) for derivatives in wings.DERIVATIVES)
-            if (first := next(made, None)) is not None:
+            registered = (derivatives(self, report) for derivatives in wings.DERIVATIVES)
+            if (first := next(registered, None)) is not None:
                 self._derivatives = report, first
         return self._derivatives and self._derivatives[1]
 
     def close(self) -> None:
-        """Destroy the PETSc objects of derivatives; collective."""
+        """Destroy the PETSc objects of derivatives."""
         if self._derivatives is not None:
             self._derivatives[1].close()
             self._derivatives = None
 
     def state(self, report: Outcome) -> SolvedState:
-        """The solved state with its stresses and tractions; collective."""
+        """The solved state with its stresses and tractions."""
         return SolvedState(self.problem, self.system, self.target, self.settings, report)
 
     def solution(
@@ -199,25 +193,25 @@ class ProblemSolver:
         derivatives: Differentiable | None = None,
         certificate: bool = True,
     ) -> Solution:
-        """The solution in a state, judged by the ``criteria`` of a step as well; collective.
+        """The solution in a state, with its certificate unless ``certificate`` is False.
 
-        ``extras`` are parts of the certificate that are made on request.
+        ``criteria`` are additional ones, of a step, and ``extras`` optional parts.
         """
         judged = certify(state, extras or Extras(), criteria) if certificate else None
         solution = solution_of(state, judged, derivatives)
         if judged is None or not (extras and extras.limit and solution.converged):
             return solution
-        measured = {"reason": "not measured for a process, whose past depends on n as well"}
+        measured = {"reason": "not measured in a process, whose earlier steps depend on n, too"}
         if criteria is None:
             measured = self._distance_to_limit(solution)
         errors = {**judged.errors, "penalty_measured": measured}
         return dataclasses.replace(solution, certificate=dataclasses.replace(judged, errors=errors))
 
     def _distance_to_limit(self, solution: Solution) -> dict[str, Any]:
-        """How far the solution for n = inf on the same mesh is from this one; collective."""
+        """The distance to the solution for n = inf on the same mesh."""
         problem, system = self.problem, self.system
         if problem.data.own_energy is not None:
-            return {"reason": "an energy of the user's own takes a finite n"}
+            return {"reason": "not measured with your own energy"}
         self.monitor.message("solving for n = .inf, to measure the distance")
         limit = dataclasses.replace(self.target, penalty=problem.penalty.inequality())
         with system.preserved():
@@ -229,13 +223,13 @@ class ProblemSolver:
         return distance(solution.displacement, exact, problem.data)
 
     def unused_options(self) -> list[Finding]:
-        """The finding about PETSc options that no solve has used."""
+        """A finding about PETSc options that no solve has used, if there are any."""
         unused = self._options.unused()
         return [Finding("solver.unused_options", names=", ".join(unused))] if unused else []
 
 
 def linear_solver(problem: DiscreteProblem, linear: str) -> str:
-    """The linear solver, with the choice for this body made; collective."""
+    """``linear``, with auto replaced by the choice for this body; collective."""
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
     return chosen(linear, domain.dim, compact)
@@ -258,9 +252,9 @@ def solution_of(
     certificate: Certificate | None,
     differentiable: Differentiable | None = None,
 ) -> Solution:
-    """The fields, the contact points and the numbers of a solved state; collective.
+    """The solution with the fields, contact points and numbers of a solved state; collective.
 
-    Without a certificate the solution has the verdict of the solver.
+    Without a certificate only the solver decides whether it has converged.
     """
     problem, body, report = state.problem, state.body, state.report
     indicator = certificate.indicator if certificate else None
@@ -311,7 +305,7 @@ def solution_of(
 
 
 def state_of(state: SolvedState) -> State:
-    """The state as a value; collective."""
+    """A copy of what the next solve needs of a state; collective."""
     problem = state.problem
     saved = SavedState(
         displacement=problem.u.x.array.copy(),
@@ -328,7 +322,7 @@ def state_of(state: SolvedState) -> State:
 
 
 def _facts(state: SolvedState) -> dict[str, Any]:
-    """The numbers of summary.json that neither the certificate nor the caller knows; collective."""
+    """The numbers of summary.json, except those of the certificate and the caller; collective."""
     problem, report, target = state.problem, state.report, state.target
     domain, data, u = problem.domain, problem.data, problem.u
     return {
@@ -361,7 +355,7 @@ def _facts(state: SolvedState) -> dict[str, Any]:
 
 
 def _contacts(state: SolvedState) -> dict[str, Any]:
-    """The keys of summary.json about all contacts together, and about each contact; collective."""
+    """The entries of summary.json about all contacts together and about each; collective."""
     domain, tools = state.problem.domain, state.system.tools
     entries: list[dict[str, Any]] = []
     for fields in state.contacts:

@@ -162,12 +162,12 @@ class Solution:
             )
         return self.differentiable.derivative(quantity, of)
 
-    def telling(self, **entries: Any) -> Self:
+    def with_entries(self, **entries: Any) -> Self:
         """The same solution, whose summary has further or other entries."""
         verdict = {name: entries.pop(name) for name in _VERDICT if name in entries}
         return replace(self, **verdict, facts={**self.facts, **entries})
 
-    def warned(self, *findings: Finding) -> Self:
+    def with_warnings(self, *findings: Finding) -> Self:
         """The same solution with further warnings."""
         return replace(self, warnings=[*self.warnings, *findings])
 

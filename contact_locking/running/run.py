@@ -129,7 +129,7 @@ def write_steps(
             # Data that cannot be used at a time do not take the steps before with them.
             ended = error
         assert last is not None
-        last = last if ended is None else last.telling(**ended.entries)
+        last = last if ended is None else last.with_entries(**ended.entries)
         last = replace(last, probes=probes)
         file = series.finish() if series else None
         warnings = write(last, target, output, save_state, file)
@@ -179,7 +179,7 @@ def completed(solution: S, output: Output) -> S:
         sampled = in_step(sampled, len(solution.history), solution.time)
         solution = replace(solution, probes=sampled)
     labels = output.labels(domain.dim, domain.axisymmetric)
-    return solution.telling(units=labels) if labels else solution
+    return solution.with_entries(units=labels) if labels else solution
 
 
 def write(
@@ -237,7 +237,7 @@ def write(
                 refused.append(f"no checkpoint was saved: {str(error).splitlines()[0]}")
                 on_root_of(comm, target, lambda: shutil.rmtree(folder, ignore_errors=True))
         left_out = [Finding("output.left_out", reason=reason) for reason in refused]
-        complete = solution.warned(*warnings, *left_out)
+        complete = solution.with_warnings(*warnings, *left_out)
 
         def finish() -> None:
             _write_texts(complete, staging)

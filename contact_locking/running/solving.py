@@ -137,7 +137,7 @@ class SolvableStudy:
             start = checkpoint.start_in_words(restart, report)
         solver.monitor.message("computing fields and the certificate")
         solution = self.solution(solver.state(report))
-        yield solution.warned(*solver.unused_options()).telling(restart=start)
+        yield solution.with_warnings(*solver.unused_options()).with_entries(restart=start)
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -245,8 +245,8 @@ def solve_steps(
                     monitor.message(f"warning: {warning}")
             entries: dict[str, Any] = {"version": __version__, "fingerprint": fingerprint}
             entries["wall_seconds"] = time.perf_counter() - start
-            others = tuple(other.telling(**entries) for other in solution.others)
-            yield dataclasses.replace(solution.telling(**entries), others=others)
+            others = tuple(other.with_entries(**entries) for other in solution.others)
+            yield dataclasses.replace(solution.with_entries(**entries), others=others)
 
 
 def solve_assembled(

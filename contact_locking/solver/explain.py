@@ -1,6 +1,6 @@
-"""Why a problem was not solved: what is proved, and what softer penalties show.
+"""Why a problem was not solved: proofs, and evidence from softer penalties.
 
-The reasons are looked for after a failure, and each is computed when it is first asked for.
+This runs after a failure only, and computes each reason at its first use.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from contact_locking.errors import Infeasible, NotConverged
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import System, SystemState
 from contact_locking.solver.interior_point.farkas import GAP_ROUNDING
@@ -44,14 +44,14 @@ _WEDGED_WAY_OUT = (
 
 
 class Reasons:
-    """Why a task may have no solution."""
+    """Why a task may have no solution; all members are collective."""
 
     def __init__(self, task: Task) -> None:
         self._task = task
 
     @functools.cached_property
     def is_unbalanced(self) -> bool:
-        """Whether no forces of contact and friction balance the loads; collective."""
+        """Whether it is proved that no forces of contact and friction balance the loads."""
         return self._task.is_unbalanced()
 
     @functools.cached_property
@@ -60,17 +60,17 @@ class Reasons:
 
     @property
     def verdict(self) -> Verdict | None:
-        """That nothing is admissible, None without a proof; collective."""
+        """That nothing is admissible, None without a proof."""
         return self._without_friction[0]
 
     @functools.cached_property
     def growth(self) -> Growth | None:
-        """That forces grow with the penalty, None if they do not; collective."""
+        """That forces grow with the penalty, None if they do not."""
         is_strict = self._task.target.penalty.is_strict
         return find_growth(self._task, self._without_friction[1] if is_strict else None)
 
     def leave_hope(self, failed: Outcome) -> bool:
-        """Whether there may be a solution after a failure; collective."""
+        """Whether there may be a solution after a failed attempt."""
         task = self._task
         if failed.is_infeasible or self.is_unbalanced or not task.searches:
             return False
@@ -80,9 +80,9 @@ class Reasons:
         return self.growth is None
 
     def explain(self, failed: Outcome) -> Outcome:
-        """A failure with its reason and a way out; collective.
+        """The failure with its reason and a suggestion.
 
-        Where forces grow, the system gets the state of the stiffer of the two penalties.
+        If forces grow, the system gets the solution for the stiffer of the two penalties.
         """
         task = self._task
         if self.is_unbalanced:
@@ -107,7 +107,7 @@ class Reasons:
 
 
 def _way_out(task: Task) -> str:
-    """What may help where the interior point method does not arrive; collective."""
+    """What may help after a failure without a known reason; collective."""
     system, advice = task.system, [_MORE_ITERATIONS]
     if system.rubbing:
         advice.append(_HELD_BY_FRICTION if system.held_by_friction else BOUND_WAY_OUT)
@@ -119,19 +119,20 @@ def _way_out(task: Task) -> str:
 
 # Whether anything is admissible.
 
-# How close the factor that works and the one that does not have to be.
+# The relative distance of the bounds of the admissible factor.
 _PRECISION = 0.01
-# The penalty that stands for an infinite one, over the stiffness.
+# The penalty, over the stiffness, whose multipliers are tried for a proof.
 _STIFF = 1e6
 _ROUNDS = 8
 
 
 @dataclasses.dataclass(frozen=True)
 class Verdict:
-    """No field in ``K cap K'`` on this mesh has the prescribed values u_D; ``place`` says where.
+    """It is proved that no admissible field on this mesh has the prescribed values u_D.
 
-    ``factor`` brackets the largest s such that s u_D can be followed: the first number works (0 if
-    none was found), the second does not; None where scaling u_D is not the way out.
+    - ``place``: what is exceeded and where, in words
+    - ``factor``: bounds of the largest s for which s u_D is possible: the first is (0 if unknown),
+      the second is not; None if scaling u_D does not help
     """
 
     place: str
@@ -144,40 +145,37 @@ class Verdict:
 
     @property
     def reason(self) -> str:
-        """Why there is no solution, and how much can be followed, in words."""
+        """Why there is no solution, and which share of u_D is possible."""
         if self.factor is None:
             return self.place
         low, high = (f"{100.0 * share:.3g}" for share in self.factor)
         share = f"{low} to {high}" if self.factor[0] else f"less than {high}"
-        return (
-            f"{self.place}; {share} % of the prescribed displacements can be followed on this mesh"
-        )
+        return f"{self.place}; {share} % of the prescribed displacements are possible on this mesh"
 
 
 def judge(task: Task) -> Verdict | None:
-    """The verdict on a problem that was not solved, None without a proof; collective.
+    """Prove, if possible, that nothing is admissible; None without a proof.  Collective.
 
-    Friction and penalties have no say in it, so the problem is solved without them, unless
-    friction alone holds the body.  The system is left as it is; what it took is counted.
+    Friction and penalties do not matter here, so the problem is solved without them, unless
+    friction alone holds the body.  The system is restored, and the cost is counted.
     """
     return _judged(task)[0]
 
 
 def _judged(task: Task) -> tuple[Verdict | None, float | None]:
-    """The verdict, and the contact force of the problem without friction if it was solved."""
+    """The verdict, or the contact force without friction if that problem was solved."""
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
-    # Whether u = 0 is within the limit and the gaps and has the prescribed values.
     rounding = GAP_ROUNDING * task.target.length
     overlaps = any(bool(np.any(contact.gaps < -rounding)) for contact in system.contacts)
-    rests = not system.comm.allreduce(bool(prescribed.any()) or overlaps)
-    if system.held_by_friction or rests:
+    zero_is_admissible = not system.comm.allreduce(bool(prescribed.any()) or overlaps)
+    if system.held_by_friction or zero_is_admissible:
         return None, None
     with task.system.preserved():
-        tries = Counts()
+        counts = Counts()
         limit = dataclasses.replace(task.target, penalty=task.target.penalty.inequality())
         exact, penalised = (
-            InteriorPoint(task.aside(tries, target), bound_moves=False)
+            InteriorPoint(task.aside(counts, target), bound_moves=False)
             for target in (limit, _stiff(limit))
         )
 
@@ -207,25 +205,25 @@ def _judged(task: Task) -> tuple[Verdict | None, float | None]:
             if failure is None:
                 return None, force
             scales = 0.0 < failure.factor < math.inf
-            works = _largest(fails, failure.factor) if scales else None
-            return Verdict(str(failure), works), None
+            factor = _bracket(fails, failure.factor) if scales else None
+            return Verdict(str(failure), factor), None
         except NotConverged:
             return None, None
         finally:
-            task.counts.add(tries)
+            task.counts.add(counts)
             exact.destroy()
             penalised.destroy()
 
 
 def _stiff(target: Target) -> Target:
-    """A penalised problem, the multipliers of which balance where nothing is admissible."""
+    """The target with a stiff penalty, whose multipliers balance even if nothing is admissible."""
     n = _STIFF * target.stiffness
     penalty = Penalty(n, target.length / n, target.penalty.regularisations)
     return dataclasses.replace(target, penalty=penalty)
 
 
-def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tuple[float, float]:
-    """Every try just below what is excluded either works or excludes more."""
+def _bracket(fails: Callable[[float], Infeasible | None], excluded: float) -> tuple[float, float]:
+    """Bounds of the admissible factor: a trial just below ``excluded`` works or excludes more."""
     for _ in range(_ROUNDS):
         trial = (1.0 - 0.5 * _PRECISION) * excluded
         try:
@@ -240,12 +238,12 @@ def _largest(fails: Callable[[float], Infeasible | None], excluded: float) -> tu
 
 # Whether forces grow with the penalty.
 
-# Powers of ten of two penalties over the stiffness of the material, and the power of the penalty by
-# which forces grow from the first to the second at least if friction wedges the body in.  Forces
-# that have a limit hardly grow.  Where the stiffer penalty is not solved for, softer ones tell.
+# Two penalties, as powers of ten over the stiffness of the material, and the least exponent with
+# which forces grow between them if friction wedges the body in; forces that have a limit hardly
+# grow.  The second row is for problems whose stiffer penalty of the first has no solution.
 _PENALTIES = ((3.0, 4.0, 0.4), (2.5, 3.5, 0.7))
-# Such forces are this many times those with next to no friction, which are of the size that loads
-# and prescribed displacements ask for; and the share of the coefficient that stands for none.
+# Growing forces exceed those without friction, which loads and prescribed displacements cause, by
+# the first factor; the second is the share of the friction coefficient that stands for none.
 _LARGE, _LITTLE = 3.0, 1e-3
 
 
@@ -265,11 +263,11 @@ class PenalisedState:
 
 @dataclasses.dataclass(frozen=True)
 class Growth:
-    """Two penalties whose forces grow with them: friction wedges the body in.
+    """Solutions for two penalties whose forces grow with them: friction wedges the body in.
 
-    With a finite penalty the friction bounds of all solutions have a limit.  As the penalty grows,
-    forces either settle or grow with it.  Forces that grow balance each other, whatever the loads
-    are, so that nothing but the penalty gives them their size.
+    For a finite penalty the friction bounds of all solutions are bounded.  As the penalty grows,
+    forces either converge or grow with it.  Growing forces balance each other whatever the loads
+    are, and only the penalty limits them.
     """
 
     softer: PenalisedState
@@ -277,35 +275,35 @@ class Growth:
 
     @property
     def reason(self) -> str:
-        """That there seems to be no equilibrium, in words."""
+        """The message that there seems to be no equilibrium."""
         penalty, ratio = self.stiffer.penalty, self.stiffer.force / self.softer.force
         return (
             f"with penalties of {10.0**self.softer.power:.2g} and {10.0**self.stiffer.power:.2g} "
             "times the stiffness of the material there are solutions, and the stiffer one has "
-            f"{ratio:.2g} times the contact force of the other: its forces grow with the penalty, "
-            "and there seems to be no equilibrium without one; the state that is left is that of "
+            f"{ratio:.2g} times the contact force of the other: forces grow with the penalty, and "
+            "without one there seems to be no equilibrium; the result is the solution for "
             f"penalty.n: {penalty.n:g}, penalty.epsilon: {penalty.epsilon:g} and "
             f"friction.regularisation: {max(penalty.regularisations):g}"
         )
 
 
 def find_growth(task: Task, without: float | None = None) -> Growth | None:
-    """The two penalties, None where forces do not grow or there are no solutions; collective.
+    """Two penalties whose forces grow, None without growth or solutions; collective.
 
-    ``without`` is the contact force without friction, if it is known.  The system is left as it
-    was, and what it took is counted.
+    ``without`` is the contact force without friction, if known.  The system is restored, and the
+    cost is counted.
     """
     system = task.system
     if task.target.penalty.epsilon > 0.0 or system.held_by_friction or not system.rubbing:
         return None
-    task.monitor.message("solving with softer penalties, to see whether forces grow with them")
+    task.monitor.message("solving with softer penalties to see whether forces grow with them")
     states: dict[float, PenalisedState | None] = {}
     for soft, stiff, least in _PENALTIES:
         start: SavedState | None = None
         for power in (soft, stiff):
             if power not in states:
                 states[power] = _penalised(task, _softened(task.target, power), power, start)
-            # The pieces of the laws lead on from a softer penalty in few tangents.
+            # From the solution for a softer penalty the pieces of the laws take few tangents.
             state = states[power]
             start = None if state is None else state.outcome.last
         softer, stiffer = states[soft], states[stiff]
@@ -323,7 +321,7 @@ def find_growth(task: Task, without: float | None = None) -> Growth | None:
 def _penalised(
     task: Task, target: Target, power: float, start: SavedState | None = None, share: float = 1.0
 ) -> PenalisedState | None:
-    """The solution for a target and a share of friction, None without one; collective."""
+    """The solution for a target and a share of friction, None if it fails; collective."""
     system, counts = task.system, Counts()
     solver = InteriorPoint(task.aside(counts, target), share=share)
     try:
@@ -347,10 +345,10 @@ def _force(system: System, outcome: Outcome) -> float:
 
 
 def _softened(target: Target, power: float) -> Target:
-    """The target with penalties no stiffer than a power of ten times the stiffness.
+    """The target with penalties of at most ``10**power`` times the stiffness.
 
-    Friction is regularised as the penalty of contact would do it.  The numbers have three
-    digits, so that a message can give them.
+    Friction is regularised as by default for this penalty.  The numbers have three digits, which
+    a message can print.
     """
     penalty = target.penalty
     n = min(penalty.n, _rounded(10.0**power * target.stiffness))

@@ -1,4 +1,4 @@
-"""The one entry point to the general solver: its attempts in their order, and why all failed."""
+"""The entry point to the general solver: attempts in order, and an explanation if all fail."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
 from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
 
-# Each attempt begins with the elastic displacement.  The first tries the pieces of the laws, from a
-# saved state and from that displacement, before the interior point method; all are finished by the
-# pieces.  docs/notes/ladder.md has how many random problems each attempt solves.
+# Each attempt starts at the elastic displacement and is finished by the pieces of the laws.  The
+# first also tries the pieces before the interior point method, from a saved state and from that
+# displacement.  docs/notes/ladder.md counts the random problems that each attempt solves.
 LADDER = (CLOSE, WIDE)
 
 
 def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     """Solve the system of ``task`` for the penalty of its target; collective.
 
-    ``saved`` is where to go on from if that is any use; ``from_saved`` of the outcome says whether
-    it was.  An attempt that an iterative linear solver ends goes again with a direct one, if auto
-    would have taken that.
+    The solve tries the state ``saved`` first; the outcome's ``from_saved`` says whether that led to
+    the solution.  If the iterative linear solver fails on a problem for which auto is direct, the
+    attempt is repeated with the direct one.
     """
     penalty, reasons = task.target.penalty, Reasons(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
@@ -40,21 +40,21 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
             outcome = reasons.explain(outcome)
             break
     stages = [stage_of(penalty, task.counts.tangents)]
-    outcome = replace(outcome.counted(task.counts, stages), warnings=warnings)
+    outcome = replace(outcome.with_counts(task.counts, stages), warnings=warnings)
     task.system.tools.rest(task.system.u)
     task.monitor.counted(outcome.tangents, outcome.updates)
     return outcome
 
 
 def _attempts_of(task: Task) -> Sequence[Approach]:
-    """The attempts that differ; without a moving friction bound all are the same."""
+    """The attempts to make; without friction all would be the same."""
     return LADDER if task.system.rubbing else LADDER[:1]
 
 
 def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcome:
-    """What a solver finds, finished by the pieces of the laws; collective.
+    """The outcome of one attempt, finished by the pieces of the laws; collective.
 
-    No two solvers exist at a time, as each takes much memory.
+    The solver is destroyed before the next attempt, because it takes much memory.
     """
     system, solver = task.system, InteriorPoint(task, approach)
     system.u.x.array[:] = system.constraints.held_part(system.u.x.array)
@@ -73,7 +73,7 @@ def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcom
 
 
 def _may_factorise(task: Task) -> bool:
-    """Whether auto is direct where the settings are iterative, with no options of the user."""
+    """Whether the settings say iterative, auto would be direct, and no PETSc options are set."""
     settings, dim, size = task.settings, task.system.dim, task.system.size
     is_small = is_direct("auto", dim, size) and not is_direct(settings.linear, dim, size)
     return is_small and not settings.petsc

@@ -1,4 +1,4 @@
-"""What a solver works on, who listens, and what it returns: multipliers and the report."""
+"""What a solver gets, a :class:`Task`, and what it returns, an :class:`Outcome`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.findings import Finding
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.monitor import Monitor
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING
@@ -29,8 +29,8 @@ from contact_locking.solver.settings import Settings
 class ContactForces:
     """Pressure (k,) and ``-sigma_tau`` (k, d) at the owned nodes of one part of Gamma_C.
 
-    ``touches`` (k,) says where the body is in contact; elsewhere the pressure vanishes up to the
-    solver's tolerance only.
+    ``touches`` (k,) marks the nodes in contact; at the others the pressure is zero up to the
+    solver's tolerance.
     """
 
     pressure: FloatArray
@@ -40,10 +40,10 @@ class ContactForces:
 
 @dataclass(frozen=True)
 class Multipliers:
-    """Z in the space of strains, and the forces on each part of Gamma_C.
+    """The locking stress Z in the space of strains, and the forces on each part of Gamma_C.
 
-    ``parts`` has the multiplier y of each set of strains, and Z is the sum of ``L^T y`` over them.
-    If the ball is the only set, its multiplier is Z itself, the same function.
+    ``parts`` are the multipliers y of the sets of strains, and Z is the sum of ``L^T y`` over them.
+    If the ball is the only set, its multiplier and Z are the same function.
     """
 
     locking_stress: fem.Function
@@ -58,8 +58,8 @@ class Multipliers:
         mesh: dolfinx.mesh.Mesh,
         contacts: tuple[ContactForces, ...],
     ) -> Multipliers:
-        """No stress, and the given forces on Gamma_C; collective."""
-        spaces = (item.multipliers(data.element, kept, mesh) for item in data.sets)
+        """Zero stress, and these forces on Gamma_C; collective."""
+        spaces = (law.multipliers(data.element, kept, mesh) for law in data.sets)
         parts = tuple(fem.Function(space) for space in spaces)
         total = parts[0] if data.only_ball else fem.Function(parts[0].function_space)
         total.name = "locking_stress"
@@ -67,7 +67,7 @@ class Multipliers:
 
     @classmethod
     def zero(cls, system: System) -> Multipliers:
-        """No stress and no forces; collective."""
+        """Zero stress and zero forces; collective."""
         counts = [len(contact.surface.nodes) for contact in system.data.contacts]
         forces = tuple(
             ContactForces(np.zeros(k), np.zeros((k, system.dim)), np.zeros(k, dtype=bool))
@@ -76,28 +76,28 @@ class Multipliers:
         return cls.none(system.data, system.kept, system.u.function_space.mesh, forces)
 
     def add_up(self, data: ProblemData) -> None:
-        """Make Z the sum of the shares of all sets of strains; collective."""
+        """Compute Z, the sum of the stresses of all sets of strains; collective."""
         if data.only_ball:
             return
         space = self.locking_stress.function_space
-        shares = (item.stress(y) for item, y in zip(data.sets, self.parts, strict=True))
-        expression = compiled.interpolation(sum(shares), space)
+        stresses = (law.stress(y) for law, y in zip(data.sets, self.parts, strict=True))
+        expression = compiled.interpolation(sum(stresses), space)
         self.locking_stress.interpolate(expression)
         self.locking_stress.x.scatter_forward()
 
 
-# Solves for the same friction bound differ by so many times the rounding in one solution, which the
-# margin of the criteria is.
+# How far two solves for the same friction bound may differ, over the rounding in one of them: the
+# margin of the certificate's criteria.
 _ROUNDING_OF_SOLVES = 100.0
 
 
 @dataclass(frozen=True)
 class Target:
-    """The penalty parameters, and the scales of the problem that starting values are made from.
+    """The penalty parameters to solve for, and the scales of the problem.
 
-    ``stiffness`` and ``ellipticity`` are the largest and the smallest eigenvalue of A,
-    ``young`` its Young's modulus, ``length`` the extent of the body, ``volume`` its measure and
-    ``face`` the measure of a face as long as the body.
+    - ``stiffness``, ``ellipticity``, ``young``: the largest and smallest eigenvalue of A, and E
+    - ``length``, ``volume``: the extent and the measure of the body
+    - ``face``: the measure of a face as long as the body
     """
 
     penalty: Penalty
@@ -109,7 +109,7 @@ class Target:
     face: float
 
     def mean_strain(self, energy: float, displacement: float, tolerance: float) -> float:
-        """``sqrt(a(u, u)/(alpha |Omega|))``, or what rounding in ``u`` leaves, if that is larger.
+        """``sqrt(a(u, u)/(alpha |Omega|))``, at least the strain that rounding in ``u`` makes.
 
         ``energy`` is ``a(u, u)/2`` and ``displacement`` the largest ``|u|``.
         """
@@ -123,34 +123,36 @@ class Target:
     def least_bound(self, mean_strain: float) -> float:
         """The L2 norm on Gamma_C below which changes of the friction bound are judged absolutely.
 
-        It is a thousandth of the :meth:`mean_stress` over a face of the body:
-        where contact only grazes, relative changes of next to nothing say nothing.
+        It is that of a thousandth of the :meth:`mean_stress` on a face of the body.  Where contact
+        hardly presses, relative changes mean nothing.
         """
         return 1e-3 * self.mean_stress(mean_strain) * math.sqrt(self.face)
 
 
 @dataclass
 class Counts:
-    """What solves have taken: tangents, linear iterations, and updates of the friction bounds."""
+    """The cost of solves: tangents, linear iterations, and updates of the friction bounds."""
 
     tangents: int = 0
     linear: int = 0
     updates: int = 0
 
     def add(self, aside: Counts) -> None:
-        """Count what auxiliary problems took, whose updates of the bounds do not count."""
+        """Add the cost of auxiliary problems, whose updates of the bounds do not count."""
         self.tangents += aside.tangents
         self.linear += aside.linear
 
 
 @dataclass(frozen=True)
 class SavedState:
-    """A solution of some problem on this mesh, from which another solve may lead on.
+    """A solution on this mesh, perhaps of other data, that another solve may start from.
 
-    ``displacement`` holds local values, ghosts included, ``travels`` those of the tools, and
-    ``penalty`` the penalty parameters.  ``cones`` has the last pair (x, z) of each family of the
-    interior point method, None for a family that takes no part; it is empty where these are not
-    known.  ``multipliers`` are None where the contacts or the sets of strains were others.
+    - ``displacement``: local values, ghosts included
+    - ``travels``: of the pushed foundations
+    - ``penalty``: the penalty parameters that it was solved for
+    - ``cones``: (x, z) of each family of the interior point method, None for an inactive family;
+      empty if unknown
+    - ``multipliers``: None if contacts or sets of strains differ from the present ones
     """
 
     displacement: FloatArray
@@ -162,19 +164,19 @@ class SavedState:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a solve has led to, and what it took; displacement and bounds are in the system.
+    """The result of a solve and its cost; the system has the displacement and the bounds.
 
-    ``multipliers`` are None where a solve ended before there were any, and ``last`` is the last
-    state of the interior point method, None where that did not arrive.  ``friction_change`` is the
-    last change of the friction bounds, relative, and ``contraction`` the factor by which their
-    fixed point shrank its update, None where there was too little to observe.
-
-    ``reason`` says in words why a solve failed, ``suggestion`` what may help.  ``is_infeasible``
-    says that nothing is admissible on this mesh, and ``is_unbalanced`` that no forces balance the
-    loads.  ``admissible_factor`` brackets the largest multiple of the prescribed displacements that
-    can be followed, if they cannot be.  ``from_saved`` says that a saved state was what the
-    solution was reached from.  ``tangents``, ``linear`` and ``updates`` are those of all
-    ``stages``.  ``warnings`` say in words where another way was taken than the one asked for.
+    - ``multipliers``: None if the solve ended before there were any
+    - ``last``: the last state of the interior point method, None if it failed
+    - ``friction_change``: the last relative change of the friction bounds
+    - ``contraction``: the factor of their fixed point iteration, None if unknown
+    - ``reason``, ``suggestion``: why the solve ended, and what may help, in words
+    - ``is_infeasible``: it is proved that nothing is admissible on this mesh
+    - ``is_unbalanced``: it is proved that no forces of contact and friction balance the loads
+    - ``admissible_factor``: bounds of the largest possible share of the prescribed displacements
+    - ``from_saved``: whether the solution was reached from a saved state
+    - ``tangents``, ``linear``, ``updates``: the cost of all ``stages``
+    - ``warnings``: where the solver did something else than the settings say
     """
 
     multipliers: Multipliers | None = None
@@ -200,12 +202,12 @@ class Outcome:
         """A solve whose criteria all hold."""
         return cls(multipliers, **others, converged=True, reason="every criterion held")
 
-    def counted(self, counts: Counts, stages: Sequence[dict[str, float | int]]) -> Outcome:
-        """The same with what it took."""
+    def with_counts(self, counts: Counts, stages: Sequence[dict[str, float | int]]) -> Outcome:
+        """The outcome with its cost."""
         return dataclasses.replace(self, **vars(counts), stages=stages)
 
     def after(self, before: Outcome) -> Outcome:
-        """The outcome of a solve that goes on from another one."""
+        """The outcome of a solve that started from the outcome ``before``; costs add up."""
         return dataclasses.replace(
             self,
             tangents=self.tangents + before.tangents,
@@ -219,18 +221,17 @@ class Outcome:
 
 
 def stage_of(penalty: Penalty, tangents: int) -> dict[str, float | int]:
-    """A stage of a solve that took so many tangents."""
+    """A stage of a solve with its number of tangents, for summary.json."""
     return {"n": penalty.n, "epsilon": penalty.epsilon, "tangents": tangents}
 
 
 @dataclass(frozen=True)
 class Task:
-    """The system that holds the displacement, the target to solve it for, and how to do that.
+    """What to solve: the system with its displacement, the target, and the settings.
 
-    ``counts`` is for what the solvers take.
-    ``is_unbalanced`` says whether a proof shows that no forces of contact and friction balance the
-    loads; it is collective.  Without ``searches`` a solve that fails by the first
-    attempt is given up, with a proof that nothing is admissible if there is one.
+    - ``monitor``, ``counts``: receive the progress and the cost of the solve
+    - ``is_unbalanced``: proves that no forces balance the loads, if it can; collective
+    - ``searches``: whether to go on after a failed first attempt
     """
 
     system: System
@@ -242,12 +243,12 @@ class Task:
     searches: bool = True
 
     def with_settings(self, **changes: Any) -> Task:
-        """The same task with other settings."""
+        """The task with some settings changed."""
         settings = self.settings.model_copy(update=changes)
         return dataclasses.replace(self, settings=settings)
 
     def aside(self, counts: Counts, target: Target | None = None) -> Task:
-        """A silent task for the same system with counts of its own."""
+        """The same task without progress messages, with separate counts."""
         return dataclasses.replace(
             self, target=target or self.target, monitor=Monitor(), counts=counts
         )
@@ -255,8 +256,8 @@ class Task:
     def least_bound(self) -> float:
         """The norm below which changes of the friction bound are judged absolutely; collective.
 
-        Two solves for nearly the same bound differ by rounding in the displacement, which a small
-        strain of a body that moves far makes large.  The criteria permit as much.
+        Two solves for nearly the same bound differ by rounding in the displacement, which is large
+        beside the strain of a body that moves far.  The criteria permit as much.
         """
         system, tolerance = self.system, self.settings.tolerance
         displacement = system.largest_displacement()

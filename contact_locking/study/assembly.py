@@ -17,7 +17,7 @@ from contact_locking.fields.present import Clock
 from contact_locking.mesh import sources
 from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.parts import groups, with_parts
-from contact_locking.penalty_method.scope import require_served
+from contact_locking.penalty_method import require_served
 from contact_locking.problem.discrete_problem import Body, DiscreteProblem
 from contact_locking.problem.points import Placed
 from contact_locking.results.probes import locate

@@ -14,7 +14,7 @@ from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import facet_nodes
 from contact_locking.fields.present import Clock, PresentValue
-from contact_locking.mesh.cell_kind import corner_normals
+from contact_locking.mesh.data import corner_normals
 from contact_locking.mesh.distribution import summed
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, on_every_rank

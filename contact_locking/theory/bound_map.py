@@ -68,7 +68,7 @@ class BoundVectors:
         """The values of this rank at the nodes of each contact where friction acts."""
         return np.split(vector[self._own], np.cumsum(self._counts)[:-1])
 
-    def enter(self, vector: FloatArray) -> None:
+    def set_in_force(self, vector: FloatArray) -> None:
         """Let the bounds of a vector be in force; collective."""
         for contact, part in zip(self.contacts, self.split(vector), strict=True):
             bounds = np.zeros(len(contact.free))
@@ -118,7 +118,7 @@ class BoundMap:
         system = self._task.system
         self._inside = bounds > 0.0
         used = np.maximum(bounds, 0.0)
-        self.vectors.enter(np.maximum(used, _LEAST * np.max(used, initial=0.0)))
+        self.vectors.set_in_force(np.maximum(used, _LEAST * np.max(used, initial=0.0)))
         system.u.x.array[:] = 0.0
         system.constraints.apply(system.u)
         # Along a branch the solution before is near.

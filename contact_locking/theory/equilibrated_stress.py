@@ -24,7 +24,7 @@ from contact_locking.certificate.penalty_error import NotApplicable
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.errors import raise_callback_error
 from contact_locking.fem import compiled
-from contact_locking.laws.elasticity import MANDEL_PAIRS
+from contact_locking.laws.body import MANDEL_PAIRS
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.elasticity import matrix_of
 from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp

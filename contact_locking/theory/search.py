@@ -186,7 +186,7 @@ class Equilibria:
         slope = np.eye(self.map.vectors.size) - self.map.derivative()
         return int(self.map.vectors.solved(slope, slope[0])[1])
 
-    def enter(self, bounds: FloatArray) -> Outcome:
+    def solve_under(self, bounds: FloatArray) -> Outcome:
         """Put the solution with these bounds into the system; collective.  Raises NotConverged."""
         wanted, norm = self.map(bounds), self.map.vectors.norm
         change = norm(wanted - bounds) / (norm(wanted) or 1.0)
@@ -227,13 +227,13 @@ def equilibria(task: Task, first: Outcome, most: int) -> Iterator[tuple[Outcome,
         yield first, index
         for bounds in itertools.islice(search.others(known), most - 1):
             before = replace(counts)
-            found = search.enter(bounds)
+            found = search.solve_under(bounds)
             own = Counts(counts.tangents - before.tangents, counts.linear - before.linear)
             task.monitor.counted(own.tangents, own.updates)
             with task.system.preserved():
                 index = search.index()
             stages = [stage_of(task.target.penalty, own.tangents)]
-            yield found.counted(own, stages), index
+            yield found.with_counts(own, stages), index
     finally:
         search.destroy()
 

@@ -57,7 +57,7 @@ def equilibria(
     solutions: list[Solution] = []
     for other, index in search(problem.solver.task, report, find):
         solution = problem.solver.solution(problem.solver.state(other), None, asked)
-        solutions.append(solution.telling(index=index))
+        solutions.append(solution.with_entries(index=index))
         if is_unique(solution.summary):
             break
     return solutions
@@ -97,7 +97,7 @@ def branch(
 
         def load(share: float) -> None:
             over.value = share * whole
-            solver.problem.place()
+            solver.problem.update_foundations()
             solver.system.assemble_loads()
 
     return diagram(solver.task, to, load)
@@ -119,7 +119,7 @@ class SectionsOfStudy:
         if given.branches is not None:
             self._monitor.message("following the branch of solutions")
             branch = _branch_of_study(self._study.problem, solver, solution.converged)
-            solution = solution.telling(branches=branch)
+            solution = solution.with_entries(branches=branch)
         if given.equilibria is None or not solution.converged:
             return solution
         most = 1 if is_unique(solution.summary) else given.equilibria.find
@@ -128,9 +128,9 @@ class SectionsOfStudy:
             if number > 0:
                 self._monitor.message(f"another solution: {number + 1} so far")
                 other = self._study.judged(solver.state(own))
-                solutions.append(other.telling(restart=None))
-            solutions[-1] = solutions[-1].telling(index=index)
-        first = solutions[0].telling(equilibria=_entry(solutions))
+                solutions.append(other.with_entries(restart=None))
+            solutions[-1] = solutions[-1].with_entries(index=index)
+        first = solutions[0].with_entries(equilibria=_entry(solutions))
         return dataclasses.replace(first, others=tuple(solutions[1:]))
 
     def close(self) -> None:
@@ -181,9 +181,9 @@ def _branch_of_study(
         parameters = _with_load_share(problem.parameters)
         shared = StudyProblem(parameters, problem.domain, problem.element)
         shared.advance(1.0)
-        shared.enter(shared.at_rest())
+        shared.set_memory(shared.at_rest())
         other = ProblemSolver(shared, solver.settings)
-        other.system.bounds.enter(shared.contacts, problem.data.bounds.at(problem.contacts))
+        other.system.bounds.set(shared.contacts, problem.data.bounds.at(problem.contacts))
 
         def load(share: float) -> None:
             shared.advance(share)

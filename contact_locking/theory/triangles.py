@@ -27,7 +27,7 @@ from scipy.special import comb
 
 from contact_locking import _compat
 from contact_locking.arrays import BoolArray, FloatArray, IndexArray, IntArray, flattened
-from contact_locking.laws.elasticity import MANDEL_PAIRS, tensor_values
+from contact_locking.laws.body import MANDEL_PAIRS, tensor_values
 from contact_locking.mesh.domain import Domain
 
 #: The tensors (3, 2, 2) of the unit Mandel vectors, with which ``S : TENSORS`` is that of S.

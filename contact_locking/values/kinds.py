@@ -34,8 +34,7 @@ from contact_locking.arrays import SMALLEST
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, TIME, Table, parse
 from contact_locking.files.readable import require_file, similar
-
-from .concept import (
+from contact_locking.values.concept import (
     LIST,
     PER_AXIS,
     SECTION,
@@ -47,8 +46,7 @@ from .concept import (
     place_of,
     sections,
 )
-from .tabulated import Tabulated
-from .value import Value, show
+from contact_locking.values.value import Tabulated, Value, show
 
 T = TypeVar("T")
 

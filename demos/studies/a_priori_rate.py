@@ -25,7 +25,7 @@ from contact_locking import StudySolution, assemble, solve_assembled
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
-from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
+from contact_locking.laws.body import isotropic_stress, lame_from_young, strain
 from contact_locking.study_file.parameters import Parameters
 
 RESULTS = Path("results/a_priori_rate")

@@ -23,7 +23,7 @@ from transfer import on_mesh_of
 
 from contact_locking import StudySolution, load, solve
 from contact_locking.fem.compiled import integral
-from contact_locking.laws.elasticity import isotropic_stress, lame_from_young, strain
+from contact_locking.laws.body import isotropic_stress, lame_from_young, strain
 
 FILE = Path(__file__).with_name("error_bound.yml")
 RESULTS = Path("results/error_bound_measured")

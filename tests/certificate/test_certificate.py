@@ -15,7 +15,7 @@ from problems import block
 from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import certify
 from contact_locking.contact.coulomb import ConvolutionOperator
-from contact_locking.laws.locking import normal_part, positive_part, unit_ball_excess
+from contact_locking.laws.body import normal_part, positive_part, unit_ball_excess
 from contact_locking.penalty_method import equations
 from contact_locking.process import problem_solver
 from contact_locking.running import solving

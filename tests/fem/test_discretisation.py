@@ -17,7 +17,7 @@ from test_elements import LIMIT
 from test_verification_manufactured import problem_of
 
 from contact_locking.fem.spaces import P2, gauss_element, gauss_shares
-from contact_locking.mesh.cell_kind import NAMED
+from contact_locking.mesh.data import NAMED
 
 
 @pytest.mark.serial

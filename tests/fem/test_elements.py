@@ -16,7 +16,7 @@ from test_verification_manufactured import PLANE
 
 from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P2, Element
-from contact_locking.laws.elasticity import strain
+from contact_locking.laws.body import strain
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble

@@ -14,7 +14,7 @@ from problems import block, solved
 from verification_table import Rows
 
 from contact_locking import study_file
-from contact_locking.laws.elasticity import isotropic_stiffness, lame_from_young
+from contact_locking.laws.body import isotropic_stiffness, lame_from_young
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 

@@ -14,19 +14,20 @@ from hypothesis import strategies as st
 from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.elasticity import (
+from contact_locking.laws.body import (
     anisotropic_stress,
     isotropic_eigenvalues,
     isotropic_stiffness,
     isotropic_stress,
     lame_from_young,
+    locking_energy,
+    locking_stress,
     mean_young,
+    positive_part,
 )
-from contact_locking.laws.locking import locking_energy, locking_stress, positive_part
-from contact_locking.laws.rigid_motion import RigidMotion, rotation
 from contact_locking.penalty_method.equations import psi
 from contact_locking.shapes.analytic import Cylinder, HalfSpace, Sphere
-from contact_locking.shapes.shape import MovedDistance
+from contact_locking.shapes.shape import MovedDistance, RigidMotion, rotation
 
 pytestmark = pytest.mark.serial
 

@@ -18,11 +18,10 @@ from problems import block
 from contact_locking import solve
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.fem.compiled import assembled, integral
-from contact_locking.laws.penalty import Penalty
+from contact_locking.laws.limits import Penalty
 from contact_locking.monitor import Monitor
-from contact_locking.penalty_method.continuation import PenaltyPath, follow
 from contact_locking.penalty_method.equations import Equations
-from contact_locking.penalty_method.fixed_point import contraction_factor
+from contact_locking.penalty_method.method import PenaltyPath, contraction_factor, follow
 from contact_locking.penalty_method.newton import critical_point
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.study.assembly import assemble, check

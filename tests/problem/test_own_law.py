@@ -16,8 +16,7 @@ from problems import block
 import contact_locking as cl
 from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
-from contact_locking.laws.elasticity import strain
-from contact_locking.laws.locking import locking_energy, squared_norm
+from contact_locking.laws.body import locking_energy, squared_norm, strain
 from contact_locking.problem.strain_sets import NormSet
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import StudyProblem, assemble

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from problems import with_changes
 
-from contact_locking.laws.elasticity import lame_from_young, plane_stress_lambda
+from contact_locking.laws.body import lame_from_young, plane_stress_lambda
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study_file.parameters import Parameters

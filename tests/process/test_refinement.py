@@ -14,8 +14,8 @@ from mpi4py import MPI
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotRefined
-from contact_locking.mesh.cell_kind import longest_edges, signed_measures
 from contact_locking.mesh.checks import CellFacets, checked
+from contact_locking.mesh.data import longest_edges, signed_measures
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import (
     WholeMesh,

@@ -14,7 +14,7 @@ from problems import block, column, sheared, solved, with_changes
 from report_folder import quick
 
 from contact_locking import solve
-from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.body import lame_from_young
 from contact_locking.results import in_words
 from contact_locking.results.quantities import QUANTITIES, quantity, touches
 from contact_locking.running.run import run

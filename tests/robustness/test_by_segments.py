@@ -14,7 +14,7 @@ from sweep.elements import Array, Index, Mesh
 from sweep.node_to_segment import TwoBodies, refined
 from sweep.punches import Edge, meshed
 
-from contact_locking.mesh.gmsh import extract
+from contact_locking.mesh.readers import extract
 from contact_locking.meshes import build
 
 pytestmark = pytest.mark.serial

@@ -55,11 +55,6 @@ def test_each_case_has_a_folder_that_an_index_names(folder: Folder) -> None:
         assert case.parameters.study is None
 
 
-def test_cases_that_differ_within_a_section_have_different_names(folder: Folder) -> None:
-    folder.write("{vary: {output.units: [{length: mm, force: N}, {length: m, force: N}]}}")
-    assert "output.units = {length: m, force: N}" in folder.run()
-
-
 def test_the_table_does_not_depend_on_the_number_of_jobs_or_the_order(folder: Folder) -> None:
     folder.write("{vary: {penalty.n: [10, 3, 9, 20, 30]}}")
     tables = []

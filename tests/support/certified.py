@@ -10,7 +10,7 @@ from mpi4py import MPI
 from problems import solved
 
 from contact_locking.fem.compiled import integral
-from contact_locking.laws.elasticity import strain
+from contact_locking.laws.body import strain
 from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 

@@ -26,7 +26,7 @@ from problems import with_changes
 
 from contact_locking.arrays import FloatArray
 from contact_locking.fem.spaces import P1, Element
-from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.body import lame_from_young
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study.assembly import StudyProblem, assemble

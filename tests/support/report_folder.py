@@ -39,7 +39,7 @@ def run_folder(
         "warnings": ["R hardly <i>smooths</i>"],
         **summary,
     }
-    solution = of_kind(dim, kind, title=TITLE, output=wanted).telling(**entries)
+    solution = of_kind(dim, kind, title=TITLE, output=wanted).with_entries(**entries)
     writing.write(solution, folder)
     return folder
 

@@ -139,7 +139,7 @@ def _at_rest(solution: StudySolution) -> StudySolution:
 
 
 def _not_converged(solution: StudySolution) -> StudySolution:
-    return solution.telling(converged=False)
+    return solution.with_entries(converged=False)
 
 
 def _with_an_odd_title(solution: StudySolution) -> StudySolution:
@@ -161,7 +161,7 @@ def _with_two_contacts(solution: StudySolution) -> StudySolution:
     turned = {name: getattr(points, name)[:, swapped] for name in ("x", "normal", "u_tangent")}
     left = replace(points, **turned, traction=points.traction[:, swapped])
     both = joined([(points, facets), (left, facets)], dim)
-    changed = replace(solution, contacts=_nodal(both[0])).telling(contacts=entries)
+    changed = replace(solution, contacts=_nodal(both[0])).with_entries(contacts=entries)
     if solution.contact_points is None:
         return changed
     return replace(changed, contact_points=both[0], contact_facets=both[1])

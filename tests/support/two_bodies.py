@@ -15,7 +15,7 @@ from mpi4py import MPI
 from problems import with_changes
 from small_meshes import Groups, Points, builder, shared
 
-from contact_locking.mesh.gmsh import extract
+from contact_locking.mesh.readers import extract
 from contact_locking.meshes import build
 from contact_locking.study_file.parameters import Parameters
 

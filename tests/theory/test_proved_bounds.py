@@ -13,9 +13,8 @@ from mpi4py import MPI
 from problems import block, column, solved, under_a_plate, with_changes
 
 from contact_locking.arrays import FloatArray
-from contact_locking.contact.coulomb import FrictionBound
+from contact_locking.contact.coulomb import FrictionBound, FrictionLaw
 from contact_locking.fem.compiled import integral
-from contact_locking.laws.friction import FrictionLaw
 from contact_locking.running.solving import solve_assembled
 from contact_locking.study.assembly import assemble
 from contact_locking.theory.constants import SAMPLED

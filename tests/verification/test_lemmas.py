@@ -19,7 +19,7 @@ from contact_locking import StudySolution
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import FrictionBound
 from contact_locking.fem.compiled import integral
-from contact_locking.laws.locking import squared_norm
+from contact_locking.laws.body import squared_norm
 from contact_locking.mesh.domain import Domain
 from contact_locking.problem.discrete_problem import distance
 from contact_locking.running.solving import solve_assembled

@@ -19,7 +19,7 @@ from contact_locking.contact.coulomb import (
 )
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.fem.spaces import P1, Element
-from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.body import lame_from_young
 from contact_locking.mesh.domain import Domain
 from contact_locking.mesh.sources import from_geometry
 from contact_locking.meshes.block import Block

@@ -23,7 +23,7 @@ from slow import slow
 from verification_table import Rows
 
 from contact_locking.arrays import FloatArray
-from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.body import lame_from_young
 from contact_locking.results.solution import StudySolution
 
 INNER, OUTER, EDGE, LIMIT = 1.0, 2.0, 1.4, 0.02

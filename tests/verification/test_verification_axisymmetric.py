@@ -18,8 +18,7 @@ from slow import slow
 from verification_table import Rows
 
 from contact_locking.fem.compiled import integral
-from contact_locking.laws.elasticity import lame_from_young
-from contact_locking.laws.locking import squared_norm
+from contact_locking.laws.body import lame_from_young, squared_norm
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 from contact_locking.study.assembly import assemble, mesh_of

@@ -16,7 +16,7 @@ from problems import with_changes
 from verification_table import Rows
 
 from contact_locking import solve
-from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.body import lame_from_young
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
 

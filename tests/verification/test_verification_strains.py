@@ -12,7 +12,7 @@ from problems import column, with_changes
 from slow import slow
 from verification_table import Rows
 
-from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.body import lame_from_young
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
 

@@ -18,7 +18,7 @@ from verification_table import Rows
 
 import contact_locking as cl
 from contact_locking import assemble, solve_steps
-from contact_locking.laws.elasticity import lame_from_young
+from contact_locking.laws.body import lame_from_young
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

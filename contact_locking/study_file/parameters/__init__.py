@@ -24,7 +24,7 @@ from pydantic import (
 from contact_locking.contact.contact import Contact, Coulomb
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION
-from contact_locking.laws.penalty import PenaltyParameters
+from contact_locking.laws.limits import PenaltyParameters
 from contact_locking.plain_text import nearest
 from contact_locking.process.settings import Adaptation, Steps
 from contact_locking.results.output import Extras, Output
@@ -65,8 +65,7 @@ from contact_locking.values.kinds import (
     expressions,
     list_or,
 )
-from contact_locking.values.tabulated import Tabulated
-from contact_locking.values.value import Value
+from contact_locking.values.value import Tabulated, Value
 
 
 class DiscretisationParameters(Concept):

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
 from contact_locking.fem.spaces import facet_places
-from contact_locking.mesh.cell_kind import CellKind
+from contact_locking.mesh.data import CellKind
 from contact_locking.mesh.domain import Domain
 from contact_locking.results.solution import Solution
 from contact_locking.shapes.faceted import FacetedFoundation

@@ -1,12 +1,17 @@
-"""Linear elasticity: the operator A of (h1)-(h4), and how a displacement strains a body.
+"""The laws of the body in UFL: how a displacement strains it, elasticity, and locking.
 
-A matrix acts on symmetric tensors as Mandel vectors: ``(xx, yy, sqrt(2) xy)`` in 2D and
-``(xx, yy, zz, sqrt(2) yz, sqrt(2) xz, sqrt(2) xy)`` in 3D.  With these square roots the Euclidean
-norm of the vector equals the Frobenius norm of the tensor, and the matrix has the eigenvalues of A.
-Two dimensions mean plane strain; for plane stress lambda is another (:func:`plane_stress_lambda`).
+The operator A of (h1)-(h4) is a matrix that acts on symmetric tensors as Mandel vectors:
+``(xx, yy, sqrt(2) xy)`` in 2D and ``(xx, yy, zz, sqrt(2) yz, sqrt(2) xz, sqrt(2) xy)`` in 3D.  With
+these square roots the Euclidean norm of the vector equals the Frobenius norm of the tensor, and the
+matrix has the eigenvalues of A.  Two dimensions mean plane strain; for plane stress lambda is
+another (:func:`plane_stress_lambda`).  Forms ask a :class:`Kinematics` for the strain and for the
+measure of their integrals, so that the laws and the solvers are the same in the plane, in space,
+and around an axis of revolution.
 
-Forms ask a :class:`Kinematics` for the strain and for the measure of their integrals, so that the
-laws and the solvers are the same in the plane, in space, and around an axis of revolution.
+The limit of the paper is the ball ``|eps| <= M`` with the penalty R_n (23).  A limit
+``|L eps| <= M`` with a linear map L has the same penalty of ``L eps``, and a limit ``s <= M`` of a
+scalar ``s = N : eps`` has the penalty :func:`one_sided_energy`.  UFL can differentiate each
+function without a division by zero: no norm is taken of a quantity that can vanish.
 """
 
 from __future__ import annotations
@@ -217,3 +222,75 @@ class WeightedMeasure(ufl.Measure):
     def reconstruct(self, **changes: Any) -> WeightedMeasure:
         """The same density on another part of the domain, or with other metadata."""
         return WeightedMeasure(self._plain.reconstruct(**changes), self._density)
+
+
+def positive_part(a: Expr) -> Expr:
+    """``[a]^+ = max(a, 0)`` of a scalar, with derivative 0 at ``a = 0``."""
+    return ufl.max_value(a, 0.0)
+
+
+def squared_norm(a: Expr) -> Expr:
+    """``|a|^2 = a : a``, the squared Euclidean (vectors) or Frobenius (tensors) norm."""
+    return ufl.inner(a, a)
+
+
+def unit_ball_excess(a: Expr, inverse_radius: Expr) -> Expr:
+    """``e(a) = 1 - 1/max(|a|/M, 1)``: the share of ``a`` outside the ball ``|.| <= M``.
+
+    ``e(a) a = a - P(a)`` with the projection ``P`` onto the ball, and ``e(a) |a| = [|a| - M]^+``.
+    The argument is ``1/M``, so that the number 0 stands for an infinite radius and gives exactly 0.
+    The maximum is taken of squares, so that neither the value nor its derivative divides by zero
+    at ``a = 0``.
+    """
+    return 1.0 - 1.0 / ufl.sqrt(ufl.max_value(inverse_radius**2 * squared_norm(a), 1.0))
+
+
+def normal_part(v: Expr, normal: Expr) -> Expr:
+    """``v_nu = v . nu``, a scalar."""
+    return ufl.inner(v, normal)
+
+
+def tangential_part(v: Expr, normal: Expr) -> Expr:
+    """``v_tau = v - (v . nu) nu``, a vector."""
+    return v - normal_part(v, normal) * normal
+
+
+def locking_stress(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
+    """``R_n(eps) = 2 n [|eps| - M]^+ eps/|eps| = 2 n (1 - 1/max(|eps|/M, 1)) eps`` (23).
+
+    ``inverse_limit`` is ``1/M``, and 0 where the body does not lock; ``n`` has the unit of a
+    stress. The result is a (d, d) tensor, exactly zero where ``|eps| <= M``.
+    """
+    return 2.0 * n * unit_ball_excess(eps, inverse_limit) * eps
+
+
+def locking_energy(eps: Expr, inverse_limit: Expr, n: Expr) -> Expr:
+    """``n ([|eps| - M]^+)^2``, the density whose derivative is :func:`locking_stress`."""
+    return n * unit_ball_excess(eps, inverse_limit) ** 2 * squared_norm(eps)
+
+
+def one_sided_energy(s: Expr, inverse_limit: Expr, n: Expr) -> Expr:
+    """``n ([s - M]^+)^2``, the density of the penalty of a limit ``s <= M``."""
+    return n * _one_sided_excess(s, inverse_limit) ** 2
+
+
+def _one_sided_excess(s: Expr, inverse_limit: Expr) -> Expr:
+    """``[s - M]^+`` as ``(1 - 1/max(s/M, 1)) [s]^+``, which takes 1/M."""
+    return (1.0 - 1.0 / ufl.max_value(inverse_limit * s, 1.0)) * positive_part(s)
+
+
+def deviator(eps: Expr) -> Expr:
+    """``L eps = eps - t tr(eps) I`` with ``|L eps|^2 = |eps|^2 - tr(eps)^2/3``.
+
+    In three dimensions this is the deviator.  In two dimensions ``|L eps|`` is the norm of the
+    deviator of the three-dimensional strain with ``eps_zz = 0``, as in plane strain.
+    """
+    dim = eps.ufl_shape[0]
+    # 2 t - d t^2 = 1/3.
+    share = (1.0 - math.sqrt(1.0 - dim / 3.0)) / dim
+    return eps - share * ufl.tr(eps) * ufl.Identity(dim)
+
+
+def weighted(eps: Expr, matrix: Expr) -> Expr:
+    """``C eps`` for a matrix C in Mandel's notation, as a symmetric (d, d) tensor."""
+    return mandel_product(matrix, eps)
