@@ -32,7 +32,7 @@ from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.slips import SlipPieces
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear.ksp import linear_failures
+from contact_locking.solver.ksp import linear_failures
 from contact_locking.solver.task import SavedState, Task
 
 # How many times stiffer than the body a step is where a law admits one displacement only.

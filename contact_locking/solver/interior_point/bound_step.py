@@ -13,7 +13,7 @@ unknowns are those of the nodes of all parts of Gamma_C with friction together, 
 solves for them with one back-substitution an iteration, by the factorisation that the step has
 anyway.  An iterative solver would pay for each of these as for the step itself; it solves for
 displacement and bounds together, with the forces of the bounds as functions of the displacement
-(:mod:`contact_locking.solver.linear.gmres`).
+(:mod:`contact_locking.solver.tangent_solver`).
 
 Unless friction is large, the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` makes steps much smaller.
 The bound that the predictor asks for is then close to what agrees with the corrector, and the
