@@ -25,6 +25,8 @@ TEXTS = {
     "foundation.open": "{file}: the surface is open, {count} edges have one triangle only; the "
     "tool is behind the triangles, and the body must not reach around the rim",
     "foundation.double_corners": "{count} corners stand twice in a row",
+    "foundation.turned": "its order is that of a die around the body, which is not in the hole; "
+    "the other side was taken: {advice}",
     "foundation.right_angles": "the surface of the foundation is at right angles to Gamma_C "
     "everywhere, so that it cannot press; turn it, or name a boundary part that faces the "
     "foundation",

@@ -211,7 +211,7 @@ class HelmholtzOperator(Smoothing):
         self._comm, self._surface = comm, surface
         # A connected part without a free node would make the matrix singular; no friction acts
         # there.
-        is_held = surface.mean_by_part((surface.weights > 0.0).astype(float)) == 0.0
+        is_held = np.bincount(surface.parts, surface.weights)[surface.parts] == 0.0
         self._mass = np.where(is_held, 1.0, surface.weights)
         self._operator = stiffness.copy()
         self._operator.scale(radius**2)

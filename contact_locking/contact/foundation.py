@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -84,7 +85,7 @@ class PlacedFoundation:
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         """The gap (k,) and the contact normal (k, d) at the nodes at present."""
-        return surface.distance + self.gap(surface.places.T), surface.body_normals()
+        return surface.distance + self.gap(surface.places.T), surface.body_normals
 
     def opening(self, x: FloatArray, u_normal: FloatArray, moved: FloatArray) -> FloatArray:
         """How far (k,) points x (d, k) of Gamma_C are away after they moved to ``moved`` (d, k).
@@ -173,6 +174,7 @@ class RigidFoundation(PlacedFoundation):
         self.is_plane, self.is_distance = self._shape.is_plane, self._shape.is_distance
         self.is_timed = self.moves = self._shape.is_timed or self._moved is not None
         self._shape_findings = [finding.at(self._place) for finding in self._shape.findings]
+        self._is_placed = False
 
     @property
     def _body(self) -> Distance:
@@ -209,6 +211,23 @@ class RigidFoundation(PlacedFoundation):
         return self.motion().step_from(before, surface.points.T).T
 
     def at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
+        shape, is_placed, self._is_placed = self._shape, self._is_placed, True
+        try:
+            return self._at_nodes(surface)
+        except Misplaced:
+            if is_placed or not (isinstance(shape, FacetedFoundation) and shape.is_around):
+                raise
+            # The outline may be that of a tool in the other order, not of a die around the body.
+            self._shape = shape.reversed()
+            with suppress(Misplaced):
+                placed = self._at_nodes(surface)
+                finding = Finding("foundation.turned", self._place, advice=shape.turn)
+                self._shape_findings.append(finding)
+                return placed
+            self._shape = shape
+            raise
+
+    def _at_nodes(self, surface: ContactSurface) -> tuple[FloatArray, FloatArray]:
         body, points, comm = self.now, surface.places.T, self._comm
         if isinstance(self._shape, OwnShape):
             at_rest = self.motion().origin(points)
@@ -225,7 +244,7 @@ class RigidFoundation(PlacedFoundation):
             low, high = self._slopes(self._body, surface)
             if low <= _ROUNDING * high:
                 raise InputError(_NO_GRADIENT, self._key)
-        outward = surface.body_normals()
+        outward = surface.body_normals
         facing = np.sum(normals * outward, axis=1)
         turn, inside = self._shape.turn, gap < 0.0
         # Only a part of Gamma_C need face the foundation; the rest, as the top of a ball, is
@@ -300,7 +319,7 @@ class RigidFoundation(PlacedFoundation):
 
         if not self.moves:
             normals = self._evaluated(body.contact_normal, surface.points.T).T
-            facing = np.sum(normals * surface.body_normals(), axis=1)
+            facing = np.sum(normals * surface.body_normals, axis=1)
             if on_every_rank(comm, np.abs(facing) <= _ALONG):
                 add("right_angles")
         if isinstance(body, LevelSetAt):

@@ -151,7 +151,7 @@ class NodalContact:
             mu = self.friction.coefficient(np.zeros_like(mu))
         depth = np.where(self.free, -self.gaps, 0.0)
         inside = depth > _TOUCHING * domain.extent
-        data = (depth, self.normals, surface.body_normals(), mu)
+        data = (depth, self.normals, surface.body_normals, mu)
         depth, normals, outward, mu = (
             np.concatenate(domain.comm.allgather(values[inside])) for values in data
         )

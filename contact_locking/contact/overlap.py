@@ -28,6 +28,16 @@ _SMALL, _PARALLEL, _MOST_BENT = 1e-12, 1e-16, 0.42
 EDGES = {2: [(0, 1)], 3: [(1, 2), (0, 2), (0, 1)], 4: [(0, 1), (0, 2), (1, 3), (2, 3)]}
 
 
+def axes_across(normals: FloatArray) -> FloatArray:
+    """Orthonormal vectors (k, d - 1, d) across unit vectors (k, d)."""
+    if normals.shape[1] == 2:
+        return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, None]
+    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
+    first = np.cross(normals, least)
+    first /= np.linalg.norm(first, axis=1)[:, None]
+    return np.stack([first, np.cross(normals, first)], axis=1)
+
+
 def boxes_meet(first: FloatArray, flat: FloatArray) -> BoolArray:
     """(p,) whether the boxes around facets (p, c, d - 1) have points in common."""
     low = np.maximum(first.min(axis=1), flat.min(axis=1))
@@ -176,6 +186,20 @@ def nodal(linear: FloatArray) -> FloatArray:
     unit = np.eye(linear.shape[-1])
     nodes = np.array([*unit, *(unit[[i, j]].mean(axis=0) for i, j in EDGES[len(unit)])])
     return np.asarray(bernstein(linear) @ np.linalg.inv(bernstein(nodes)))
+
+
+def dual_basis(mass: FloatArray) -> FloatArray:
+    """The coefficients (m, n, n) of the dual functions in functions with these masses.
+
+    A small covered part leaves functions of very different sizes, which are scaled first.  Rows of
+    zeros stand for no function.
+    """
+    sizes = np.einsum("mii->mi", mass)
+    scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
+    scaled = mass * scale[:, :, None] * scale[:, None]
+    np.einsum("mii->mi", scaled)[:] = 1.0
+    inverse = np.linalg.inv(scaled)
+    return np.asarray(mass.sum(axis=2)[:, :, None] * scale[:, :, None] * inverse * scale[:, None])
 
 
 def _cross(first: FloatArray, other: FloatArray) -> FloatArray:

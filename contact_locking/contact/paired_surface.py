@@ -183,6 +183,8 @@ class PairedSurface(ContactSurface):
     or overlap too deep.  The constructor is collective.
     """
 
+    is_paired = True
+
     def __init__(
         self, domain: Domain, space: fem.FunctionSpace, given: Contact, element: Element
     ) -> None:
@@ -192,6 +194,7 @@ class PairedSurface(ContactSurface):
         among = set(given.on) == set(names)
         self._one, self._mine = _side(domain, space, self.facets, among)
         self._two, self._theirs = _side(domain, space, other, among)
+        self.facing_length = float(np.median(self._two.sizes())) ** (1.0 / (domain.dim - 1))
         self._at_tip = np.isin(self._mine, self._theirs) & (not among)
         if not among:
             _require_apart(domain, self._one, self._two, self._mine, self._theirs, given)
@@ -239,7 +242,7 @@ class PairedSurface(ContactSurface):
 
     def take(self, frame: Frame) -> None:
         self.frame, self.weights = frame, frame.weights
-        self._body_normals = frame.normals
+        self.body_normals = frame.normals
         self.operator.join(frame.rows)
         self.distance = frame.distance
         if frame.displacement is not None:
@@ -249,6 +252,12 @@ class PairedSurface(ContactSurface):
     def apart(
         self, displacement: FloatArray, presses: BoolArray, gap: FloatArray, entered: float
     ) -> float:
+        """How far the sides are from touching at a displacement (local values); collective.
+
+        It is the largest length of :func:`distances_apart` less ``entered``, by which penalties let
+        them enter, as a share of what displacements differ by along the normal.  ``presses`` (k,)
+        marks the nodes that press, and ``gap`` (k,) is that of the laws.
+        """
         comm, sides = self.domain.comm, self.sides_at(displacement)
         pressing = np.concatenate(comm.allgather(self._here[presses]))
         # The gap that adds to the distance of the sides.
@@ -270,17 +279,9 @@ class PairedSurface(ContactSurface):
         local = displacement.reshape(-1, self.domain.dim)[local_blocks]
         return np.concatenate(self.domain.comm.allgather(local))
 
-    @property
-    def facing_length(self) -> float:
-        return float(np.median(self._two.sizes())) ** (1.0 / (self.domain.dim - 1))
-
     def limited_gap(self, gap: FloatArray) -> FloatArray:
         """That of the given part of the gap: :attr:`distance` has limited values."""
         return super().limited_gap(gap - self.distance) + self.distance
-
-    @property
-    def is_paired(self) -> bool:
-        return True
 
     def of_motion(self, motion: FloatArray) -> FloatArray:
         return self.operator.values(motion)
@@ -318,8 +319,8 @@ class PairedSurface(ContactSurface):
         return sums
 
     def findings(self) -> list[Finding]:
-        one, two = (float(np.median(side.sizes())) for side in (self._one, self._two))
-        ratio = (one / two) ** (1.0 / (self.domain.dim - 1))
+        length = float(np.median(self._one.sizes())) ** (1.0 / (self.domain.dim - 1))
+        ratio = length / self.facing_length
         if ratio <= _COARSER:
             return []
         on, against = (", ".join(names or ()) for names in (self._given.on, self._given.against))

@@ -50,9 +50,11 @@ import numpy as np
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.contact.overlap import (
     EDGES,
+    axes_across,
     bernstein,
     boxes_meet,
     degree_of,
+    dual_basis,
     functions,
     nodal,
     overlaps,
@@ -179,7 +181,7 @@ def pair(one: Side, other: Side) -> Pairing:
     """
     from scipy.sparse import csr_matrix
 
-    frames, middles = _across(one.outward), one.corners.mean(axis=1)[:, None]
+    frames, middles = axes_across(one.outward), one.corners.mean(axis=1)[:, None]
     facet, facing = _candidates(one, other)
     if one.bodies is not None and other.bodies is not None:
         own_body, other_body = one.bodies[facet], other.bodies[facing]
@@ -222,7 +224,7 @@ def pair(one: Side, other: Side) -> Pairing:
     joined_mass = joined @ mass
     dual = np.zeros_like(mass)
     dual[is_covered] = (
-        _dual_basis((joined_mass @ joined.transpose(0, 2, 1))[is_covered]) @ joined[is_covered]
+        dual_basis((joined_mass @ joined.transpose(0, 2, 1))[is_covered]) @ joined[is_covered]
     )
 
     count = len(one.points)
@@ -331,7 +333,7 @@ def _distances(
     for _ in range(2):
         away = other.corners[facing] - points[node][:, None]
         along = normals[node]
-        flat = np.einsum("pcd,ptd->pct", away, _across(along))
+        flat = np.einsum("pcd,ptd->pct", away, axes_across(along))
         heights = np.einsum("pcd,pd->pc", away, along)
         with np.errstate(all="ignore"):
             basis = functions(other.kind, flat, np.zeros((len(flat), 1, flat.shape[2])))[:, 0]
@@ -363,16 +365,6 @@ def _distances(
     return gap, normals
 
 
-def _across(normals: FloatArray) -> FloatArray:
-    """Orthonormal vectors (k, d - 1, d) across unit vectors (k, d)."""
-    if normals.shape[1] == 2:
-        return np.stack([-normals[:, 1], normals[:, 0]], axis=1)[:, None]
-    least = np.eye(3)[np.argmin(np.abs(normals), axis=1)]
-    first = np.cross(normals, least)
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    return np.stack([first, np.cross(normals, first)], axis=1)
-
-
 def _at_edge(side: Side) -> BoolArray:
     """(k,) the points at edges of a body, where facets turn and the side is not round beside.
 
@@ -402,20 +394,6 @@ def _control_values(one: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
         known = faces[ends].all(axis=1)
         values[middle[known]] = control[known]
     return values
-
-
-def _dual_basis(mass: FloatArray) -> FloatArray:
-    """The coefficients (m, n, n) of the dual functions in functions with these masses.
-
-    A small covered part leaves functions of very different sizes, which are scaled first.  Rows of
-    zeros stand for no function.
-    """
-    sizes = np.einsum("mii->mi", mass)
-    scale = 1.0 / np.sqrt(np.where(sizes > 0.0, sizes, 1.0))
-    scaled = mass * scale[:, :, None] * scale[:, None]
-    np.einsum("mii->mi", scaled)[:] = 1.0
-    inverse = np.linalg.inv(scaled)
-    return np.asarray(mass.sum(axis=2)[:, :, None] * scale[:, :, None] * inverse * scale[:, None])
 
 
 def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:

@@ -77,16 +77,10 @@ class SurfaceMesh:
 
         return np.asarray(connected_components(self.edges, directed=False)[1], dtype=np.int64)
 
-    def mean_by_part(self, values: FloatArray, weights: FloatArray | None = None) -> FloatArray:
-        """(k,) the mean of ``values`` (k,) over the connected part of each node.
-
-        ``weights`` (k,) are the weights of the mean, by default equal.
-        """
-        weights = np.ones(len(values)) if weights is None else weights
-        total = np.bincount(self.parts, weights)
-        sums = np.bincount(self.parts, weights * values)
-        means = np.divide(sums, total, out=np.zeros_like(sums), where=total > 0.0)
-        return np.asarray(means[self.parts])
+    def mean_by_part(self, values: FloatArray, weights: FloatArray) -> FloatArray:
+        """(k,) the mean of ``values`` (k,) by ``weights`` (k,) over the part of each node."""
+        sums, total = (np.bincount(self.parts, x) for x in (weights * values, weights))
+        return np.asarray((sums / total)[self.parts])
 
     def within(self, radius: float) -> Iterator[Pairs]:
         """All p pairs of an own node and a node nearer than ``radius``, some own nodes at a time.
@@ -168,8 +162,11 @@ class ContactSurface:
     the coordinates of the nodes, ``degree`` that of the displacement, and ``weights`` (k,) their
     shares of the measure of Gamma_C.  ``controls`` knows the control values of fields.
     Raises InputError with the ``key`` for an element that has no contact.  The constructor is
-    collective.
+    collective.  ``is_paired`` says that the limited values are jumps to another body, and
+    ``facing_length`` is the length of a facet of its side.
     """
+
+    is_paired, facing_length = False, math.inf
 
     def __init__(
         self,
@@ -188,8 +185,7 @@ class ContactSurface:
         owned = self.scalar_space.dofmap.index_map.size_local
         test = ufl.TestFunction(self.scalar_space)
         lengths = domain.plain_ds(names, key, **element.trace.rules[domain.dim])
-        # The weights also find a node of Gamma_C that the rank owns without a facet beside the
-        # node.
+        # The weights also find an owned node of Gamma_C all of whose facets are on other ranks.
         mass = compiled.assembled(test * lengths)
         self.nodes = np.flatnonzero(mass[:owned] > 0.0).astype(np.int32)
         self.blocks = to_vector[self.nodes] // domain.dim
@@ -231,12 +227,9 @@ class ContactSurface:
         """(k,) whether each node is marked; ``dofs`` marks the local dofs of the vector space."""
         return np.asarray(dofs[self.blocks * self.domain.dim])
 
-    def body_normals(self) -> FloatArray:
-        """The outward unit normals (k, d) averaged over facets; the first call is collective."""
-        return self._body_normals.copy()
-
     @cached_property
-    def _body_normals(self) -> FloatArray:
+    def body_normals(self) -> FloatArray:
+        """The outward unit normals (k, d) averaged over facets; the first use is collective."""
         test = ufl.TestFunction(self.vector_space)
         integrals = ufl.inner(ufl.FacetNormal(self.domain.mesh), test) * self.ds
         normals = compiled.assembled(integrals).reshape(-1, self.domain.dim)[self.blocks]
@@ -256,7 +249,7 @@ class ContactSurface:
         places = self.points.copy()
         if self.controls.are_nodal:
             return places
-        function = self.vector_function(self.body_normals())
+        function = self.vector_function(self.body_normals)
         scalars = self.scalar_function(self.weights)
         edges, nodes = (self.controls.edges(each) for each in (function, scalars))
         ends, middles, corners = edges[:, :2], edges[:, 2], nodes[:, :2]
@@ -311,13 +304,7 @@ class ContactSurface:
     def apart(
         self, displacement: FloatArray, presses: BoolArray, gap: FloatArray, entered: float
     ) -> float:
-        """How far two sides are from touching at a displacement (local values); collective.
-
-        It is the largest length of `distances_apart` (paired_surface.py) less ``entered``, by which
-        penalties let them enter, as a share of what displacements differ by along the normal.
-        ``presses`` (k,) marks the nodes that press, and ``gap`` (k,) is that of
-        the laws.
-        """
+        """How far two sides are from touching at a displacement (local values); collective."""
         return 0.0
 
     def extents(self, displacement: FloatArray, normals: FloatArray) -> FloatArray:
@@ -338,16 +325,6 @@ class ContactSurface:
     def take(self, frame: Frame) -> None:
         """Let contact be in a frame; collective."""
 
-    @property
-    def facing_length(self) -> float:
-        """The length of a facet of the side of another body, inf without one."""
-        return math.inf
-
-    @property
-    def is_paired(self) -> bool:
-        """Whether the limited values are jumps to another body."""
-        return False
-
     def whole(self, free: BoolArray | None = None, sides: IntArray | None = None) -> SurfaceMesh:
         """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective.
 
@@ -355,9 +332,8 @@ class ContactSurface:
         """
         comm = self.domain.comm
         weights = self.weights if free is None else np.where(free, self.weights, 0.0)
-        counts = comm.allgather(len(self.nodes))
-        first = sum(counts[: comm.rank])
-        facets = self._numbered(self.facet_nodes)
+        first = sum(comm.allgather(len(self.nodes))[: comm.rank])
+        facets = np.concatenate(comm.allgather(self._numbers(self.facet_nodes)))
         if sides is not None:
             facets = facets[np.ptp(sides[facets[:, : self._corners]], axis=1) == 0]
         pieces = np.sort(facets[:, self._pieces].reshape(-1, self.domain.dim), axis=1)
@@ -377,16 +353,17 @@ class ContactSurface:
         less than 60 degrees off the outward normal of the body.
         """
         comm = self.domain.comm
-        every = np.concatenate(comm.allgather(normals))
-        facing = np.sum(normals * self.body_normals(), axis=1) > _FACING
-        faces = np.concatenate(comm.allgather(facing))
-        corners = np.unique(self._numbered(self.facet_nodes)[:, : self._corners], axis=0)
+        facing = np.sum(normals * self.body_normals, axis=1) > _FACING
+        every, faces, points = (
+            np.concatenate(comm.allgather(x)) for x in (normals, facing, self.points)
+        )
+        corners = self._numbers(self.facet_nodes[:, : self._corners])
+        corners = np.unique(np.concatenate(comm.allgather(corners)), axis=0)
         joins = faces[corners].all(axis=1)
         for first, other in combinations(corners.T, 2):
             joins &= np.sum(every[first] * every[other], axis=1) > _TURNED
         if joins.all():
             return np.zeros(len(every), dtype=np.int64)
-        points = np.concatenate(comm.allgather(self.points))
         joined = self.domain.kind.facet.split(corners[joins])
         return SurfaceMesh(points, np.ones(len(points)), joined, slice(0, 0)).parts
 
@@ -450,10 +427,16 @@ class ContactSurface:
         from dolfinx.fem import petsc
 
         w, v = ufl.TrialFunction(self.scalar_space), ufl.TestFunction(self.scalar_space)
-        nu = ufl.FacetNormal(self.domain.mesh)
+        nu, comm = ufl.FacetNormal(self.domain.mesh), self.domain.comm
         density = ufl.inner(*(ufl.grad(f) - ufl.dot(ufl.grad(f), nu) * nu for f in (w, v)))
         if sides is not None and sides.any():
-            side = ufl.grad(self._side_function(sides))
+            # The function of degree 1 on facets with the sides as values at corners.
+            first = sum(comm.allgather(len(self.nodes))[: comm.rank])
+            function = self.scalar_function(sides[first : first + len(self.nodes)].astype(float))
+            values, edges = function.x.array, self.controls.edges(function)
+            values[edges[:, 2]] = values[edges[:, :2]].mean(axis=1)
+            function.x.scatter_forward()
+            side = ufl.grad(function)
             along = side - ufl.dot(side, nu) * nu
             size = ufl.CellDiameter(self.domain.mesh)
             density *= ufl.conditional(ufl.lt(size**2 * ufl.inner(along, along), 0.5), 1.0, 0.0)
@@ -461,23 +444,20 @@ class ContactSurface:
         full.assemble()
         index_map = self.scalar_space.dofmap.index_map
         rows = PETSc.IS().createGeneral(
-            (self.nodes + index_map.local_range[0]).astype(PETSc.IntType), comm=self.domain.comm
+            (self.nodes + index_map.local_range[0]).astype(PETSc.IntType), comm=comm
         )
         nodal = full.createSubMatrix(rows, rows)
         rows.destroy()
         full.destroy()
         if self.controls.are_nodal:
             return nodal
-        # The numbers of the nodes in ``nodal``; nodes off Gamma_C have none and are not used.
-        mine = index_map.local_to_global(np.arange(index_map.size_local + index_map.num_ghosts))
-        every = np.concatenate(self.domain.comm.allgather(index_map.local_to_global(self.nodes)))
-        numbers = np.searchsorted(every, mine)
-        inverse = self.controls.inverse(self.nodes, numbers)
+        every = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+        inverse = self.controls.inverse(self.nodes, self._numbers(every).astype(np.int32))
         starts, columns = (
             array.astype(PETSc.IntType) for array in (inverse.indptr, inverse.indices)
         )
         to_nodal = PETSc.Mat().createAIJ(
-            nodal.getSizes(), csr=(starts, columns, inverse.data), comm=self.domain.comm
+            nodal.getSizes(), csr=(starts, columns, inverse.data), comm=comm
         )
         surface = nodal.ptap(to_nodal)
         to_nodal.destroy()
@@ -502,22 +482,16 @@ class ContactSurface:
         self.weights = weights
         return WeightedMeasure(lengths, density)
 
-    def _numbered(self, nodes: IndexArray) -> IntArray:
-        """The local nodes (m, n) of the scalar space of all ranks as numbers of all; collective."""
-        comm, index_map = self.domain.comm, self.scalar_space.dofmap.index_map
-        # The ranks own dofs in ascending order, so that the gathered numbers ascend as well.
-        numbers = np.concatenate(comm.allgather(index_map.local_to_global(self.nodes)))
-        local = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
-        return np.searchsorted(numbers, np.concatenate(comm.allgather(local)))
+    def _numbers(self, nodes: IndexArray) -> IntArray:
+        """Local nodes (m, n) of the scalar space as numbers of nodes on all ranks; collective.
 
-    def _side_function(self, sides: IntArray) -> fem.Function:
-        """The function of degree 1 on facets with the sides as values at corners; collective."""
-        first = sum(self.domain.comm.allgather(len(self.nodes))[: self.domain.comm.rank])
-        function = self.scalar_function(sides[first : first + len(self.nodes)].astype(float))
-        values, edges = function.x.array, self.controls.edges(function)
-        values[edges[:, 2]] = values[edges[:, :2]].mean(axis=1)
-        function.x.scatter_forward()
-        return function
+        Those of nodes off Gamma_C have no meaning.
+        """
+        index_map = self.scalar_space.dofmap.index_map
+        # The ranks own dofs in ascending order, so that the gathered ones ascend as well.
+        every = self.domain.comm.allgather(index_map.local_to_global(self.nodes))
+        local = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
+        return np.searchsorted(np.concatenate(every), local)
 
     @cached_property
     def facet_nodes(self) -> IndexArray:

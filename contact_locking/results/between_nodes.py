@@ -307,7 +307,7 @@ class _Facets:
         normal is that of the last facet, the other end knows the turn.
         """
         surface, dim = self._contact.surface, self._dim
-        normals = surface.vector_function(surface.body_normals()).x.array.reshape(-1, dim)
+        normals = surface.vector_function(surface.body_normals).x.array.reshape(-1, dim)
         known = np.zeros(len(blocks))
         for i, j in itertools.permutations(range(dim), 2):
             edges = self._x[:, j] - self._x[:, i]
@@ -365,7 +365,7 @@ def uncovered_entry(
 
 def _on_flat_side(domain: Domain, contact: NodalContact, places: FloatArray) -> BoolArray:
     """Which places (k, d) lie in the plane of one contact's part of Gamma_C if it is flat."""
-    normals, points = contact.surface.body_normals(), contact.surface.points
+    normals, points = contact.surface.body_normals, contact.surface.points
     first = [(normals[0], points[0])] if len(points) else []
     normal, point = next(pair for pairs in domain.comm.allgather(first) for pair in pairs)
     near = _FLAT * domain.extent

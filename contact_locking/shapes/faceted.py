@@ -59,6 +59,10 @@ class FacetedFoundation(Shape):
         """Whether the surface has no rim."""
 
     @abstractmethod
+    def reversed(self) -> FacetedFoundation:
+        """The surface with the foundation on its other side."""
+
+    @abstractmethod
     def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
         """The corners in a box (2, d), and points ``spacing`` apart of sharp edges: (c, d)."""
 
@@ -66,10 +70,16 @@ class FacetedFoundation(Shape):
     def at_open_end(self, x: FloatArray) -> BoolArray:
         """(k,) whether the rim of an open surface is nearest to each point (d, k)."""
 
-    @property
+    @cached_property
     def extent(self) -> float:
         """The longest edge of the bounding box."""
         return float(np.ptp(self.facets, axis=(0, 1)).max())
+
+    @property
+    def is_around(self) -> bool:
+        """Whether it is closed with a negative content ``sum det(corners)``, as a die."""
+        middle = self.facets.mean(axis=(0, 1))
+        return self.is_closed and float(np.linalg.det(self.facets - middle).sum()) < 0.0
 
     @cached_property
     def normals(self) -> FloatArray:
@@ -186,6 +196,9 @@ class Polyline(FacetedFoundation):
     def sharp_points(self, box: FloatArray, spacing: float) -> FloatArray:
         inside = np.all((self.corners >= box[0]) & (self.corners <= box[1]), axis=1)
         return np.asarray(self.corners[inside])
+
+    def reversed(self) -> Polyline:
+        return Polyline(self.corners[::-1])
 
     def gap(self, x: FloatArray) -> FloatArray:
         return self._signed(x)[0]
@@ -304,10 +317,6 @@ class TriangulatedSurface(FacetedFoundation):
     def findings(self) -> list[Finding]:
         return []
 
-    @property
-    def _size(self) -> float:
-        return float(np.ptp(self.points, axis=0).max())
-
     @cached_property
     def _last(self) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
         """The last points with their results: callers ask for gap and normal after each other."""
@@ -322,7 +331,7 @@ class TriangulatedSurface(FacetedFoundation):
 
     def contact_normal(self, x: FloatArray) -> FloatArray:
         distance, places = self._nearest(x)
-        step = _NEAR * self._size
+        step = _NEAR * self.extent
         near = np.abs(distance) <= step
         normals = (x - places) / np.where(near, 1.0, distance)
         for number in np.flatnonzero(near):
@@ -358,6 +367,9 @@ class TriangulatedSurface(FacetedFoundation):
         cosine = np.sum(normals[pairs] * normals[pairs + 1], axis=1)
         return sides[is_rim], sides[pairs[cosine < _SHARP]]
 
+    def reversed(self) -> TriangulatedSurface:
+        return TriangulatedSurface(self.points, self.triangles[:, ::-1])
+
     @property
     def is_closed(self) -> bool:
         return not len(self._edges[0])
@@ -367,7 +379,7 @@ class TriangulatedSurface(FacetedFoundation):
             return np.zeros(x.shape[1], dtype=bool)
         places = self._nearest(x)[1].T
         on_rim, _, _ = _nearest_on_segments(places, self.points[self._edges[0]])
-        return np.asarray(np.linalg.norm(places - on_rim, axis=1) <= 1e-9 * self._size)
+        return np.asarray(np.linalg.norm(places - on_rim, axis=1) <= 1e-9 * self.extent)
 
     def _nearest(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The signed distance (k,), and the nearest place (3, k) of the surface."""

@@ -79,7 +79,8 @@ def checked(corners: FloatArray, origin: str) -> Surface:
         raise InputError(f"{origin} holds degenerate triangles only, which have no area")
     if flat.any():
         findings.append(Finding("foundation.degenerate", file=origin, count=int(flat.sum())))
-    points, numbers = _distinct(corners[~flat].reshape(-1, 3))
+    corners = corners[~flat].reshape(-1, 3)
+    points, numbers = np.unique(corners, axis=0, return_inverse=True)
     triangles: IntArray = numbers.reshape(-1, 3)
     first = np.unique(keys(np.sort(triangles, axis=1), len(points)), return_index=True)[1]
     if copies := len(triangles) - len(first):
@@ -106,15 +107,6 @@ def checked(corners: FloatArray, origin: str) -> Surface:
     if rim := int(np.sum(counts == 1)):
         findings.append(Finding("foundation.open", file=origin, count=rim))
     return points, triangles, findings
-
-
-def _distinct(rows: FloatArray) -> tuple[FloatArray, IntArray]:
-    """The different rows of (n, m), sorted, and for each row (n,) the number of its own."""
-    order = np.lexsort(rows.T[::-1])
-    is_new = np.append(True, np.any(np.diff(rows[order], axis=0) != 0.0, axis=1))
-    number = np.empty(len(rows), dtype=np.int64)
-    number[order] = np.cumsum(is_new) - 1
-    return rows[order[is_new]], number
 
 
 def read_stl(path: Path) -> FloatArray:

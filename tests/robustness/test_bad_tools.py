@@ -159,12 +159,12 @@ def test_an_open_tool_is_warned_of_and_its_rim_must_not_be_behind_the_body(tmp_p
     assert "reaches around the end of the open foundation" in said
 
 
-def test_a_closed_tool_that_is_inside_out_is_refused_and_can_be_turned(tmp_path: Path) -> None:
+def test_a_closed_tool_that_is_inside_out_is_turned_with_a_finding(tmp_path: Path) -> None:
     inverted = written(tmp_path, BELOW[:, ::-1])
-    assert "turned: true" in refusal(inverted)
+    assert [finding.code for finding in warned(inverted)] == ["foundation.turned"]
     assert warned({"surface": inverted["surface"] | {"turned": True}}) == []
     square = [[-2, -0.005], [-2, -3], [3, -3], [3, -0.005], [-2, -0.005]]
-    assert "reverse the corners" in refusal({"polyline": square[::-1]}, 2)
+    assert [x.code for x in warned({"polyline": square[::-1]}, 2)] == ["foundation.turned"]
     assert warned({"polyline": square}, 2) == []
 
 
