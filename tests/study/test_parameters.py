@@ -134,8 +134,7 @@ def test_a_list_of_limits_is_written_and_read_back() -> None:
     assert again == given
 
 
-LIGHT = [{"on": 80 * "x", "value": [0, -0.01]}]
-HEAVY = [{"on": 80 * "x", "value": [0, -0.02]}]
+LIGHT, HEAVY = ([{"on": 80 * "x", "value": [0, -force]}] for force in (0.01, 0.02))
 
 
 def test_the_label_of_a_case_names_every_key_that_varies() -> None:
