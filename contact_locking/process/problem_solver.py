@@ -14,6 +14,7 @@ from contact_locking import wings
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.certificate.verdict import Certificate, certify
+from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.fem.compiled import integral
 from contact_locking.findings import Finding
 from contact_locking.monitor import Monitor
@@ -122,10 +123,10 @@ class ProblemSolver:
             if start is None:
                 break
             report = solve_system(task(), start).after(report)
-            if report.is_infeasible:
+            if report.failure == Infeasible.code:
                 # The proof is for one pairing of the bodies only.
                 reason = f"{_APART}: {report.reason}"
-                report = dataclasses.replace(report, is_infeasible=False, reason=reason)
+                report = dataclasses.replace(report, failure=NotConverged.code, reason=reason)
         else:
             unsettled = Finding("contact.unsettled", solves=_MOST_FRAMES)
             report = dataclasses.replace(report, warnings=[*report.warnings, unsettled])
@@ -262,12 +263,13 @@ def solution_of(
     # The next solve overwrites the displacement of the problem.
     displacement = problem.u.copy()
     displacement.name = problem.u.name
-    reason, suggestion = report.reason, report.suggestion
+    failure, reason, suggestion = report.failure, report.reason, report.suggestion
     if problem.free and not report.converged:
-        slide = problem.rigidity.describe_slide()
+        code, slide = "solver.unheld", problem.rigidity.describe_slide()
         if slide is None and problem.data.tools:
-            slide = problem.rigidity.describe_loose()
+            code, slide = "solver.loose", problem.rigidity.describe_loose()
         if slide is not None:
+            failure = failure if failure == "solver.forces_grow" else code
             reason, suggestion = f"{slide}; {reason}", _WAY_OUT_OF_SLIDING
     warnings = [*problem.findings, *report.warnings]
     if report.converged:
@@ -277,7 +279,9 @@ def solution_of(
         if not report.converged and certificate.proofs.reason:
             reason += f"; {certificate.proofs.reason}"
         if report.converged and certificate.complaint:
-            enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
+            broken = [name for name, each in certificate.criteria.items() if not each.holds]
+            enters = ENTRY in broken
+            failure = f"certificate.{ENTRY if enters else [*broken, 'proofs'][0]}"
             reason = certificate.complaint
             suggestion = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
     return Solution(
@@ -293,6 +297,7 @@ def solution_of(
         state=state_of(state),
         facts=_facts(state),
         converged=report.converged and not (certificate and certificate.complaint),
+        failure=failure,
         reason=reason,
         suggestion=suggestion,
         warnings=warnings,

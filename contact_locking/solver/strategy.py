@@ -10,7 +10,7 @@ from contact_locking.findings import Finding
 from contact_locking.solver.explain import Reasons
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
-from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
+from contact_locking.solver.linear.ksp import LinearFailure, is_direct
 from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
 
 # Each attempt starts at the elastic displacement and is finished by the pieces of the laws.  The
@@ -31,7 +31,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     warnings, attempts = list[Finding](), list(_attempts_of(task))
     while not (outcome := _attempt(attempts[0], task, saved)).converged:
         saved = None
-        if outcome.reason == LINEAR_FAILURE and _may_factorise(task):
+        if outcome.failure == LinearFailure.code and _may_factorise(task):
             task = task.with_settings(linear="direct")
             warnings.append(Finding("solver.factorised"))
         elif len(attempts) > 1 and reasons.leave_hope(outcome):
@@ -61,12 +61,11 @@ def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcom
     try:
         return solver.finish(solver.solve(solver.state_of(saved)))
     except NotConverged as failure:
-        is_infeasible = isinstance(failure, Infeasible)
-        return (None if is_infeasible else solver.rescue()) or Outcome(
+        return (None if isinstance(failure, Infeasible) else solver.rescue()) or Outcome(
             solver.multipliers(),
             friction_change=solver.friction_change,
+            failure=failure.code,
             reason=str(failure),
-            is_infeasible=is_infeasible,
         )
     finally:
         solver.destroy()

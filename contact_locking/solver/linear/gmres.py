@@ -21,12 +21,11 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from contact_locking.errors import NotConverged
 from contact_locking.solver.linear.factorised import FILTER_LIMIT
 from contact_locking.solver.linear.ksp import (
     FROM_ANY_START,
-    LINEAR_FAILURE,
     IterationListener,
+    LinearFailure,
     create_ksp,
     destroy_ksp,
     user_options,
@@ -165,7 +164,7 @@ class MultigridTangents:
 
         By multigrid alone while the patience lasts, then with the filter.  Solves that are rough,
         and many, may leave more than others and are no reason for a filter.  ``follow`` adds forces
-        that follow the displacement.  Raises NotConverged, or PETSc's error.
+        that follow the displacement.  Raises LinearFailure, or PETSc's error.
         """
         self._follow = follow
         size = right.norm() or 1.0
@@ -181,7 +180,7 @@ class MultigridTangents:
             self._has_filtered = True
         left = self._improve(right, step, enough, self._most)
         if not left <= max(enough, _FAILED * size):
-            raise NotConverged(LINEAR_FAILURE)
+            raise LinearFailure
 
     def _mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """``y = (K + F) x``; called by PETSc."""
