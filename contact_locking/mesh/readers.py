@@ -25,7 +25,7 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.files.readable import require_file
+from contact_locking.files import require_file
 from contact_locking.findings import Finding
 from contact_locking.mesh.data import (
     INTERVAL,

@@ -18,7 +18,7 @@ from contact_locking.arrays import AXES, LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Expression, Lookup, parse
 from contact_locking.expressions.tree import value_and_gradient
-from contact_locking.files.readable import number_at, place_of, rows_of
+from contact_locking.files import number_at, place_of, rows_of
 from contact_locking.plain_text import nearest
 
 # An argument may lie outside of the table by this share of its range, which is rounding.

@@ -19,7 +19,7 @@ from contact_locking import StudySolution, check, solve, study_file
 from contact_locking.errors import InputError
 from contact_locking.mesh.parts import groups
 from contact_locking.mesh.sources import from_file
-from contact_locking.study.assembly import mesh_of
+from contact_locking.running.assembly import mesh_of
 
 DIMENSIONS = pytest.mark.parametrize("dim", [2, 3])
 PRESSURE, LIMIT, YOUNG, POISSON = 0.05, 0.02, 1.0, 0.3

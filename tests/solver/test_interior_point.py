@@ -9,8 +9,8 @@ from problems import block, solved
 from solved_by_cg import crushed_steel
 
 from contact_locking.running import solving
-from contact_locking.solver.linear.gmres import MultigridTangents
-from contact_locking.solver.linear.ksp import LinearFailure
+from contact_locking.solver.ksp import LinearFailure
+from contact_locking.solver.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -11,9 +11,9 @@ from ruamel.yaml import YAML
 
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 from contact_locking.study_file import dump, from_mapping, schema, schema_text
-from contact_locking.study_file.parameters.mesh import MeshParameters
+from contact_locking.study_file.parameters.problem import MeshParameters
 from contact_locking.study_file.parameters.wording import labels
 from contact_locking.study_file.schema import rows
 

@@ -1,11 +1,11 @@
-"""Newton's method on the pieces of the laws: where few of them change, it takes few tangents.
+"""Newton's method on the pieces of the laws, which takes few tangents if few pieces change.
 
-The cones of contact and friction and those of the strain limit are semismooth equations
-(:class:`~cones.Pieces`).  Their Newton's method ends at once where the pieces are the right ones:
-nodes touch and stick, points are at their limit.  From the elastic displacement it finds the pieces
-of contact and friction in a few steps, and from the last step of a process also those of the limit.
-From far away it finds nothing, and says so early.  Where nothing presses a body, many places are
-right, and the interior point method finds one away from the foundations.
+The laws of contact, friction and strain limits are semismooth equations (:class:`~cones.Pieces`),
+and Newton's method on them ends as soon as every point is on the right piece.  From the elastic
+displacement this takes a few steps for contact and friction, and from the previous step of a
+process also for strain limits.  Far from the solution the method fails, and gives up early.  If
+nothing presses the body, many positions are solutions, and the interior point method finds one
+away from the foundations.
 """
 
 from __future__ import annotations
@@ -32,55 +32,53 @@ from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.slips import SlipPieces
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear.ksp import linear_failures
+from contact_locking.solver.ksp import linear_failures
 from contact_locking.solver.task import SavedState, Task
 
-# How many times stiffer than the body a step is where a law admits one displacement only.
+# The stiffness of rigid laws in a step, over that of the body.
 _STIFFEST = 1e7
-# The share of the springs of the start that open contact keeps in the tangent where contact has to
-# hold the body.
+# The stiffness of open contact over that of the springs at the start, if contact has to hold the
+# body.
 _FLOOR = 1e-8
-# The share of the points with a limit that may be beyond it at the elastic displacement.
+# The largest share of points that may exceed their limit at the elastic displacement.
 _BEYOND = 0.01
-# The residual of the linear system for the step of the bound, relative, and the most iterations for
+# The relative residual of the linear system for the step of the bound, and the most iterations for
 # it.  Rougher steps take more tangents.
 _BOUND_RTOL, _BOUND_ITERATIONS = 1e-8, 60
-# Where no point is on another piece than that of the tangent, and what is left is below the first
-# number, the tangent is kept as long as each step leaves the second as a share at most.
+# The tangent is kept if no point has changed its piece, the residual is below the first number, and
+# each step reduces it to at most the second share.
 _KEEPS_BELOW, _KEPT_GAIN = 1e-2, 0.2
-# With more than this left (relative to the forces) after the first step the way leads away.
+# A residual above this, relative to the forces, means that the method diverges.
 _FAR = 10.0
-# One, two or three steps have to reduce either what is left or the number of points on another
-# piece by this factor.
+# One to three steps have to reduce the residual or the number of changed points by this factor.
 _GAIN = 0.5
 _MOST_STEPS = 15
-# Where so few points are on another piece, friction goes on with a c that is larger by the factor.
+# If at most so many points change in turns, c of friction is raised by the factor.
 _FEW_CHANGE, _SHARPER = 4, 10.0
-# The products of the points and multipliers that solutions are differentiated by, over the density
-# of the elastic energy.
+# The products of the pairs that :meth:`ActiveSet.last` returns, over the density of the elastic
+# energy.
 _PRODUCT = 1e-10
+FAILURE = "Newton's method on the pieces of the laws does not converge"
 
 
 @dataclass(frozen=True)
-class _Left:
-    """The state after a step: its measures, and how many points are on another piece.
-
-    ``worst`` is the worst measure, and ``unbalanced`` that of the forces.
-    """
+class _Progress:
+    """The worst measure after a step, that of the forces, and the number of changed points."""
 
     worst: float
     unbalanced: float
     changed: int
 
-    def is_less_than(self, before: _Left, factor: float) -> bool:
+    def is_less_than(self, before: _Progress, factor: float) -> bool:
         fewer = before.changed > 0 and self.changed <= factor * before.changed
         return fewer or self.worst <= factor * before.worst
 
 
 class ActiveSet:
-    """Newton's method on the pieces for the families and the friction bounds of a system.
+    """Newton's method on the pieces, for all families and friction bounds of a system.
 
-    Linear solves have to be direct.  Bounds that do not move are those in force.
+    It needs a direct linear solver.  Unless ``bound_moves`` friction bounds stay in force.  Methods
+    are collective.
     """
 
     def __init__(
@@ -103,9 +101,9 @@ class ActiveSet:
         )
         target = task.target
         self._springs = float(task.system.held_by_contact) * target.ellipticity / target.length
-        # Pieces need no inside of the friction cones.
-        self._moving = [dataclasses.replace(item, least=0.0) for item in bounds if bound_moves]
-        self._standing = [] if bound_moves else list(bounds)
+        # Pieces allow friction bounds of zero.
+        self._moving = [dataclasses.replace(bound, least=0.0) for bound in bounds if bound_moves]
+        self._fixed = [] if bound_moves else list(bounds)
         self._cones = Composite(tangent.families)
         self._laws: dict[Family, Pieces[Any]] = {
             family: family.pieces(target.stiffness, _STIFFEST) for family in tangent.families
@@ -114,10 +112,10 @@ class ActiveSet:
             if isinstance(law, HalfLinePieces) and isinstance(law.cone, ContactCones):
                 law.floor = _FLOOR * self._springs
 
-    # Where it starts.
+    # The start.
 
     def from_elastic(self) -> Iterate | None:
-        """Solve from the elastic displacement, which is kept without a solution; collective."""
+        """Solve from the elastic displacement, which is restored if that fails."""
         beyond = np.zeros(2)
         self._tangent.visit()
         for family, law in self._laws.items():
@@ -126,7 +124,7 @@ class ActiveSet:
             family.z[:] = 0.0
             law.start(np.zeros_like(family.seen))
             if isinstance(family, ContactCones):
-                # The springs that have held the body.
+                # The forces of the springs that have held the body.
                 law.start(self._springs * np.maximum(family.seen - family.limit, 0.0))
                 family.z = law.y
             if isinstance(family, LimitsOfStrain):
@@ -137,7 +135,7 @@ class ActiveSet:
         return self._solve_or_restore(is_linearised=False)
 
     def knows(self, last: SavedState) -> bool:
-        """Whether a solution is one of these laws; collective."""
+        """Whether a saved state has pairs of the shapes of these laws."""
         families = list(self._laws)
         fits = len(families) == len(last.cones) and all(
             pair is None or pair[1].shape == family.z.shape
@@ -146,17 +144,16 @@ class ActiveSet:
         return on_every_rank(self._tangent.comm, fits)
 
     def from_last(self, last: SavedState) -> Iterate | None:
-        """As :meth:`from_elastic`, from the solution of the step before; collective.
+        """As :meth:`from_elastic`, from the solution of the previous step.
 
-        The system has the prescribed displacements of the present step.  The first step goes on
-        from the pieces of the solution before, also where these displacements strain the body at
-        once.
+        The system has the prescribed displacements of the present step.  The first Newton step uses
+        the pieces of that solution and the change of the prescribed displacements.
         """
         system = self._task.system
-        held = system.u.x.array.copy(), system.tools.travels
-        moved = system.constraints.held_part(held[0] - last.displacement)
-        # Where nodes that have slid slide on from the beginning, a motion of the supports strains
-        # the surface beside the contact more, and more points at their limit change sides.
+        start = system.u.x.array.copy(), system.tools.travels
+        moved = system.constraints.held_part(start[0] - last.displacement)
+        # If supports move, nodes that slid start sticking: sliding would strain the surface next to
+        # the contact more, and more points would change their piece.
         slides_on = not on_any_rank(self._tangent.comm, moved != 0.0)
         system.u.x.array[:] = last.displacement
         if len(last.travels) == len(system.tools):
@@ -168,7 +165,7 @@ class ActiveSet:
             family.look(self._tangent.present())
             x, z = (np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair
             law.resume((slides_on * x, z))
-            for bound in self._standing:
+            for bound in self._fixed:
                 if bound.friction is family:
                     family.z[0] = bound.friction.nodes.of_all(bound.in_force)
             law.linearise()
@@ -179,29 +176,29 @@ class ActiveSet:
             before = family.seen
             family.look(self._tangent.present())
             law.extrapolate(before)
-        found = self._solve_or_restore(is_linearised=True)
-        if found is None:
-            system.u.x.array[:], system.tools.travels = held
-        return found
+        iterate = self._solve_or_restore(is_linearised=True)
+        if iterate is None:
+            system.u.x.array[:], system.tools.travels = start
+        return iterate
 
     def last(self) -> SavedState:
-        """The solution as an iterate of the interior point method; collective."""
+        """The solution with pairs inside the cones, as the interior point method has them."""
         target, system = self._task.target, self._task.system
         strain = self._judge.mean_strain(self._task.settings.tolerance)
         product = _PRODUCT * target.ellipticity * strain**2
-        # A body at rest has no inside of its cones.
+        # Without strains there are no products to choose.
         moves = product > 0.0
         cones: dict[Family, Pair | None] = {
             family: law.inside(product) if moves else None for family, law in self._laws.items()
         }
-        for item in self._moving if moves else ():
-            # The bound follows the pressure inside of its cones.  Without one there is no friction.
-            pressing, rubbing = cones[item.pressing], self._laws[item.friction]
+        for moving in self._moving if moves else ():
+            # The bound is that of the pressure inside its cones.  A zero bound has no cones.
+            pressing, rubbing = cones[moving.pressing], self._laws[moving.friction]
             assert pressing is not None and isinstance(rubbing, SlipPieces)
-            bound = item.evaluate_at(pressing[1])
-            is_zero = item.contact.norm(bound) == 0.0
-            under = item.friction.nodes.of_all(bound)
-            cones[item.friction] = None if is_zero else rubbing.inside_under(under, product)
+            bound = moving.evaluate_at(pressing[1])
+            is_zero = moving.contact.norm(bound) == 0.0
+            at_nodes = moving.friction.nodes.of_all(bound)
+            cones[moving.friction] = None if is_zero else rubbing.inside_under(at_nodes, product)
         u, travels, penalty = system.u.x.array.copy(), system.tools.travels, target.penalty
         return SavedState(u, travels, penalty, tuple(cones.values()))
 
@@ -220,7 +217,7 @@ class ActiveSet:
         """The iterate at the solution; raises NotConverged."""
         task, tangent = self._task, self._tangent
         iterate, laws = Iterate(tangent, self._tuning.band), self._laws.values()
-        left: list[_Left] = []
+        progress: list[_Progress] = []
         bound_step: BoundStep | None = None
         keeps = reached = is_cycle = False
         for number in range(min(_MOST_STEPS, task.settings.max_iterations)):
@@ -248,36 +245,36 @@ class ActiveSet:
                 self.gap = max(measures.gap, 0.0)
                 return iterate
             if reached:
-                # One more step by the same tangent takes off most of what is left.
+                # One more step with the same tangent removes most of the residual.
                 keeps = True
                 continue
             changed = tangent.comm.allreduce(sum(law.changed for law in laws))
-            left.append(_Left(measures.worst(), measures.equilibrium, int(changed)))
-            if self._leads_away(left):
+            progress.append(_Progress(measures.worst(), measures.equilibrium, int(changed)))
+            if self._is_lost(progress):
                 is_cycle = is_cycle or not self._moving
-                if is_cycle or left[-1].worst > _FAR or left[-1].changed > _FEW_CHANGE:
-                    raise NotConverged("the pieces of the laws are too far away")
-                # Nodes that go round in a circle stick and slide at another shift of the law.
+                if is_cycle or progress[-1].worst > _FAR or progress[-1].changed > _FEW_CHANGE:
+                    raise NotConverged(FAILURE)
+                # A larger c breaks a cycle in which nodes stick and slide in turns.
                 is_cycle = True
-                left.clear()
+                progress.clear()
                 keeps = False
                 for bound in self._moving:
                     self._laws[bound.friction].c *= _SHARPER
                 continue
-            gains = len(left) > 1 and left[-1].worst <= _KEPT_GAIN * left[-2].worst
+            gains = len(progress) > 1 and progress[-1].worst <= _KEPT_GAIN * progress[-2].worst
             kept_well = not keeps or (gains and not reached_before)
-            is_near = left[-1].changed == 0 and left[-1].worst <= _KEEPS_BELOW
+            is_near = progress[-1].changed == 0 and progress[-1].worst <= _KEEPS_BELOW
             keeps = is_near and kept_well
-        raise NotConverged("the pieces of the laws do not settle")
+        raise NotConverged(FAILURE)
 
     def _misfit(self) -> float:
-        """How far reactions are from laws that are smooth, relative; collective."""
+        """The relative residual of the laws that are smooth."""
         misfits = np.array([law.misfit() for law in self._laws.values()])
         squares = self._tangent.comm.allreduce(misfits)
         return math.sqrt(max((miss / size for miss, size in squares if size > 0.0), default=0.0))
 
     def _rests(self) -> bool:
-        """Whether forces are rounding, or contact bears none where it has to; collective."""
+        """Whether forces are rounding, or contact has none although it has to hold the body."""
         bears = any(
             law.y.any() for family, law in self._laws.items() if isinstance(family, ContactCones)
         )
@@ -286,7 +283,7 @@ class ActiveSet:
         return is_rounding or (self._springs > 0.0 and not touches)
 
     def _direction(self, bound_step: BoundStep) -> Direction:
-        """The direction, with the steps of the friction bounds that agree with it; collective."""
+        """The direction together with the steps of the friction bounds that agree with it."""
         bound_step.stand_still()
         direction = self._direction_of(self._displacement())
         if not self._moving or bound_step.agrees(direction):
@@ -294,14 +291,14 @@ class ActiveSet:
         change = bound_step.adapt(direction)
         if change is not None:
             return self._direction_of(direction.displacement + change)
-        # A bound stays above zero, so that the steps of the others do not agree with it.
+        # A bound was cut at zero, so that the steps do not agree: use the direction without change.
         return self._direction_of(self._displacement())
 
     def _displacement(self) -> FloatArray:
         aims = [Reaction(family, law.aim) for family, law in self._laws.items()]
         step = self._tangent.solve_step(aims, self._task.settings.tolerance)
         if on_any_rank(self._tangent.comm, ~np.isfinite(step)):
-            # Measures of what is no number would be those of a body at rest.
+            # With NaN the measures would be those of a body at rest.
             raise NotConverged("the step is not finite")
         return step
 
@@ -310,7 +307,7 @@ class ActiveSet:
         return Direction(du, self._cones.joined(steps), self._cones)
 
     def _advance(self, direction: Direction) -> None:
-        """Take the step, and let the friction bounds follow the pressure; collective."""
+        """Take the step, and update the friction bounds to the new pressure."""
         tangent = self._tangent
         if tangent.trusted(1.0, direction.displacement) < 1.0:
             raise NotConverged("the forces of the body are far from those of its tangent")
@@ -323,18 +320,18 @@ class ActiveSet:
         if not self._moving:
             return
         self._task.counts.updates += 1
-        wanted, _ = self._judge.compare(self._moving)
-        for bound, values in zip(self._moving, wanted, strict=True):
+        by_law, _ = self._judge.compare(self._moving)
+        for bound, values in zip(self._moving, by_law, strict=True):
             bound.set(values)
             bound.friction.z[0] = bound.friction.nodes.of_all(values)
             law = self._laws[bound.friction]
             assert isinstance(law, SlipPieces)
             law.update_cones()
 
-    def _leads_away(self, left: Sequence[_Left]) -> bool:
-        """Whether the steps so far lead nowhere."""
-        last = left[-1]
+    def _is_lost(self, progress: Sequence[_Progress]) -> bool:
+        """Whether the steps so far diverge or make no progress."""
+        last, before = progress[-1], progress[-4:-1]
         is_far = last.worst > _FAR and last.unbalanced > _KEEPS_BELOW
-        if not np.isfinite(last.worst) or (len(left) > 1 and is_far):
+        if not np.isfinite(last.worst) or (before and is_far):
             return True
-        return len(left) > 2 and not any(last.is_less_than(before, _GAIN) for before in left[-4:-1])
+        return len(before) > 1 and not any(last.is_less_than(each, _GAIN) for each in before)

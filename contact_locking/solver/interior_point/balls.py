@@ -15,15 +15,15 @@ from contact_locking.solver.interior_point.cones import (
 )
 from contact_locking.solver.interior_point.lorentz import Scaling, dot, inverse, norm
 
-# Newton's method for one cone halves the distance to a double root, and else is fast.
+# Newton's method for one cone only halves the distance to a double root in each step.
 _MOST_STEPS = 40
 
 
 class Balls(LorentzCones):
     """``x = (limit + q, lin(u))`` in the cone with cost ``q^2/(2 compliance)``; ``z = (z_0, -y)``.
 
-    What is seen is a vector (m, k), whose norm is ``limit`` (k,) at most, and y is the reaction.
-    ``q = compliance z_0`` holds throughout; with a compliance of 0 nothing exceeds the limit.
+    ``lin(u)`` is a vector (m, k) of norm at most ``limit`` (k,), and y is the reaction.
+    ``q = compliance z_0`` is the excess; a compliance of 0 allows none.
     """
 
     limit: FloatArray
@@ -81,8 +81,7 @@ class Balls(LorentzCones):
         w, a, kappa = self._scaling.w, self._scaling.eta**-2, self._yielding
         w_0, w_rest, gap_0, aim_0 = w[0], dot(w[1:], d_rest), self._gap[0], self._aim[0]
         h_00, share = (2.0 * w_0**2 - 1.0) * a, self._share
-        # Where the compliance is soft beside the cone, w_0 dx_0 and w_rest cancel out: they are
-        # taken together.
+        # For a large compliance w_0 dx_0 and w_rest nearly cancel, so that their sum is computed.
         along = w_0 * (gap_0 + kappa * aim_0) + (kappa * a - 1.0) * w_rest
         dz = (2.0 * share * along) * w
         dz[1:] -= d_rest
@@ -107,7 +106,7 @@ class Balls(LorentzCones):
         length, limit = norm(self.seen), self.limit
         share = self.compliance * product
         x_0 = np.maximum(length, limit) + np.sqrt(share)
-        # Newton's method from above on (x_0 - limit)(x_0^2 - |seen|^2) = compliance product x_0.
+        # Newton's method from above for (x_0 - limit)(x_0^2 - |seen|^2) = compliance product x_0.
         for _ in range(_MOST_STEPS):
             det = (x_0 - length) * (x_0 + length)
             value = (x_0 - limit) * det - share * x_0
@@ -133,8 +132,8 @@ class Balls(LorentzCones):
 class BallPieces(Pieces[Balls]):
     """``y = l v/|v|``, ``l = (|v| - c M)_+/(1 + c compliance)`` with ``v = y + c L eps``.
 
-    Along ``v`` the strain comes to its limit; across it the direction of y follows the strain,
-    ``D = l/(M + compliance l)``.
+    Along v the step brings the strain to its limit; across v the direction of y follows that of the
+    strain, with ``D = l/(M + compliance l)``.
     """
 
     def linearise(self) -> None:
@@ -149,12 +148,12 @@ class BallPieces(Pieces[Balls]):
 
     def evaluate(self) -> None:
         _, stress = self._sizes()
-        left = self._law(stress) - self.y
-        size = dot(self._along, left)
+        residual = self._law(stress) - self.y
+        size = dot(self._along, residual)
         share = 1.0 + self.c * self.cone.compliance
         along = share * size / (self.c * self._yielding) * self._along
-        across = (left - size * self._along) / self._across
-        self.rest = np.where(self._active, along + across, left)
+        across = (residual - size * self._along) / self._across
+        self.rest = np.where(self._active, along + across, residual)
 
     def _sizes(self) -> tuple[FloatArray, FloatArray]:
         """``|v|`` and l."""
@@ -172,8 +171,8 @@ class BallPieces(Pieces[Balls]):
 
     def advance(self, step: Step) -> None:
         cone, y = self.cone, self.y - step.dual[1:]
-        # A stress that draws the strain away from its limit is that of a wrong piece: its point
-        # leaves the limit, and does not go to the opposite one.
+        # A stress opposite to the strain shows a wrong piece: the point leaves its limit, and must
+        # not jump to the opposite one.
         most = np.where(dot(y, cone.seen) > 0.0, np.inf, self.c * cone.limit)
         self.y = y * np.minimum(1.0, most / np.maximum(norm(y), TINY))
         _, stress = self._sizes()

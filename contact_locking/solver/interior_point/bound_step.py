@@ -1,23 +1,22 @@
 """Newton's step of the friction bounds, inside a step of the interior point method.
 
-The bound ``G = mu(|u_tau|) |R p|`` (6) follows pressure and slip, which follow the bound: with
-``dp(b)`` and ``ds(b)`` the steps of pressure and slip that belong to a step b of the bound,
+The bound ``G = mu(|u_tau|) |R p|`` (6) depends on pressure and slip, and these on the bound.  With
+the steps ``dp(b)`` and ``ds(b)`` of pressure and slip for a step b of the bound,
 
-    b - mu R dp(b) - mu'(s) |R p| ds(b) = mu |R p| - G.
+    b - mu R dp(b) - mu'(s) |R p| ds(b) = mu |R p| - G,
 
-All of it is linear in b.  Where friction grows with the slip, ``mu' > 0``, the tangent has that
-growth already (:class:`FrictionCones`): along a slip that friction alone stops the growth is all
-the stiffness there is.  The b of this module is the rest of the step.  Of a bound of the user's own
-nothing is known but its value: without the derivatives the step is that to the new value.  The
-unknowns are those of the nodes of all parts of Gamma_C with friction together, so a Krylov method
-solves for them with one back-substitution an iteration, by the factorisation that the step has
-anyway.  An iterative solver would pay for each of these as for the step itself; it solves for
-displacement and bounds together, with the forces of the bounds as functions of the displacement
-(:mod:`contact_locking.solver.linear.gmres`).
+which is linear in b.  If friction grows with the slip, ``mu' > 0``, the tangent contains that
+growth (:class:`FrictionCones`), which may be the only stiffness along a slip, and b is the rest of
+the step.  A user's own bound has no derivatives, and b is then the step to its new value.
 
-Unless friction is large, the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` makes steps much smaller.
-The bound that the predictor asks for is then close to what agrees with the corrector, and the
-corrector is found with it: often no back-substitution is left to do.
+The unknowns are the bounds at all nodes with friction.  With a direct solver a Krylov method finds
+them, with one back-substitution in each iteration.  With an iterative solver each of these would
+cost as much as the step itself; it solves for displacement and bounds together, where the forces of
+the bounds are functions of the displacement (:mod:`contact_locking.solver.tangent_solver`).
+
+Unless friction is large, the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` is a strong contraction.
+The bound by the predictor is then nearly right for the corrector, which is solved with it, and
+often no further back-substitution is needed.
 """
 
 from __future__ import annotations
@@ -42,11 +41,12 @@ from contact_locking.solver.interior_point.tuning import Tuning
 
 @dataclass(frozen=True)
 class MovingBound:
-    """``G = mu(|u_tau|) |R p|`` of ``contact``, from the pressure p of the cones ``pressing``.
+    """``G = mu(|u_tau|) |R p|`` of a contact; collective.
 
-    It is the bound in force of the ``system``.  The cones ``friction`` use the bound, times
-    ``share``.  No bound is smaller than the share ``least`` of the largest, so
-    that the friction cones have an inside.
+    - ``system``: has the bounds in force
+    - ``pressing``, ``friction``: the cones that p comes from, and those that use G
+    - ``least``: the least bound over the largest, positive so that friction cones have an interior
+    - ``share``: the share of the friction coefficient that acts
     """
 
     system: System
@@ -58,20 +58,20 @@ class MovingBound:
 
     @property
     def law(self) -> FrictionBound:
-        """The law that gives the bound."""
+        """The friction law of the contact."""
         return self.contact.friction
 
     @property
     def in_force(self) -> FloatArray:
-        """The bound at all nodes of the contact at present."""
+        """The bound in force at all nodes of the contact."""
         return self.system.bounds[self.contact]
 
     def set(self, bound: FloatArray) -> None:
-        """Set the bound at all nodes of the contact; collective."""
+        """Set the bound in force at all nodes of the contact."""
         self.system.bounds[self.contact] = bound
 
     def start(self, moves: bool, least: float) -> None:
-        """Give the cones a bound: where it ``moves`` that of the pressure; collective."""
+        """Start the friction cones under the bound in force, or of the pressure if it moves."""
         if moves:
             self.set(self.evaluate())
         self.friction.takes_part = not self.is_zero()
@@ -80,15 +80,15 @@ class MovingBound:
             self.friction.start_under(bound, self.pressing.z, least)
 
     def is_zero(self) -> bool:
-        """Whether the bound is zero everywhere; collective."""
+        """Whether the bound in force is zero everywhere."""
         return self.contact.norm(self.in_force) == 0.0
 
     def evaluate(self) -> FloatArray:
-        """``mu |R p|`` at all nodes of the contact; collective."""
+        """``mu |R p|`` at all nodes of the contact."""
         return self.evaluate_at(self.pressing.z)
 
     def evaluate_at(self, pressure: FloatArray) -> FloatArray:
-        """``mu |R p|`` at all nodes of the contact for a pressure (k,) at those of the cones."""
+        """``mu |R p|`` at all nodes of the contact for a pressure (k,) of the cones."""
         at_all = self.pressing.nodes.at_all(pressure)
         slips = self.contact.slips(self.system.u)
         new = self.share * self.contact.rubbing(self.law.evaluate(at_all, slips))
@@ -96,7 +96,7 @@ class MovingBound:
         return self.contact.acting(np.maximum(new, least))
 
     def slope(self) -> FloatArray:
-        """``mu'(|u_tau|) |R p|`` (k,) at the nodes of the cones, 0 for a user's law; collective."""
+        """``mu'(|u_tau|) |R p|`` (k,) at the nodes of the cones, 0 for a user's own bound."""
         bound, nodes = self.law, self.friction.nodes
         if not (bound.is_coulomb and bound.depends_on_slip):
             return np.zeros(len(nodes.weights))
@@ -106,10 +106,10 @@ class MovingBound:
 
 
 class BoundStep:
-    """The step of the bounds that belongs to a step of the iterate; made once for each tangent.
+    """The step of all moving bounds with a step of the iterate, for one tangent; collective.
 
-    ``contracts`` tells whether the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` made steps of the
-    bounds much smaller at the last tangent.  Afterwards it tells the same of this tangent.
+    ``contracts`` says whether the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` is a strong
+    contraction: first at the last tangent, and after a solve at this one.
     """
 
     def __init__(
@@ -124,20 +124,19 @@ class BoundStep:
         self.look()
         counts = [len(law.friction.weights) for law in self._laws]
         self._ends = np.cumsum(counts)[:-1]
-        # Steps of the bounds, what the equation makes of them, and their displacements.
+        # Steps of the bounds, their images by the equation, and their displacements.
         self._known: list[tuple[FloatArray, FloatArray, FloatArray]] = []
         self._foreseen = 0.0
 
     def look(self) -> None:
-        """Linearise the laws; responses that are known stay those of the tangent; collective."""
+        """Linearise the laws at the iterate; known responses of the tangent are kept."""
         most = self._tuning.bound_most_taken
         self._laws = [BoundLaw(bound, most) for bound in self._bounds]
 
     def foresee(self, predictor: Direction) -> None:
-        """Let the step of each bound be what the predictor asks for; collective.
+        """Set the step of each bound to that of the predictor, if the map contracts.
 
-        Where the map contracts these are nearly the steps that agree with the corrector,
-        which saves back-substitutions; elsewhere each bound stands still.
+        These steps nearly agree with the corrector, which saves back-substitutions.
         """
         if not self.contracts:
             return
@@ -147,46 +146,46 @@ class BoundStep:
             law.change(part)
 
     def agrees(self, direction: Direction) -> bool:
-        """Whether the steps of the bounds are close to what agrees with theirs; collective."""
-        left = self._norm(np.concatenate([law.distance(direction) for law in self._laws]))
-        return left <= self._enough(left)
+        """Whether the steps of the bounds nearly agree with a direction."""
+        residual = self._norm(np.concatenate([law.distance(direction) for law in self._laws]))
+        return residual <= self._enough(residual)
 
     def stand_still(self) -> None:
-        """Let the step of each bound be zero."""
+        """Set the step of each bound to zero."""
         for law in self._laws:
             law.friction.bound_step = np.zeros(len(law.friction.weights))
 
     def standing(self, rest: Direction) -> list[Reaction]:
-        """The reactions to the steps of the bounds if the displacement stands still; collective.
+        """The reactions to the steps of the bounds for du = 0.
 
-        ``rest`` is the direction without a step of the displacement and of the bounds.
+        ``rest`` is the direction for zero steps of displacement and bounds.
         """
         self._standing = [law.distance(rest) for law in self._laws]
         return self._reactions(self._standing)
 
     def following(self, displacement: FloatArray) -> list[Reaction]:
-        """The reactions to what a step of the displacement adds to these steps; collective."""
+        """The reactions to the steps of the bounds that a displacement step adds."""
         return self._reactions([law.moved_by(displacement) for law in self._laws])
 
     def follow(self, displacement: FloatArray) -> bool:
-        """Let bounds follow a step of the displacement; whether none is cut; collective."""
+        """Set the steps of the bounds for a displacement step; False if a bound is cut."""
         parts = zip(self._laws, self._standing, strict=True)
         is_cut = any([law.change(part + law.moved_by(displacement)) for law, part in parts])
         return not on_any_rank(self._tangent.comm, is_cut)
 
     def _reactions(self, steps: Sequence[FloatArray]) -> list[Reaction]:
-        """The change of friction by the steps of the bounds where nothing moves."""
+        """The change of friction by the steps of the bounds for du = 0."""
         parts = zip(self._laws, steps, strict=True)
         return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
 
     def misses(self, direction: Direction) -> float:
-        """How far the steps of the bounds are from what agrees with theirs; collective."""
-        left = np.concatenate([law.missed(direction) for law in self._laws])
+        """The relative distance of the steps of the bounds from those that agree."""
+        missed = np.concatenate([law.missed(direction) for law in self._laws])
         moved = np.concatenate([law.friction.bound + law.friction.bound_step for law in self._laws])
-        return self._norm(left) / (self._norm(moved) or 1.0)
+        return self._norm(missed) / (self._norm(moved) or 1.0)
 
     def adapt(self, direction: Direction) -> FloatArray | None:
-        """Let the bounds agree; the change of displacement, None if one is cut; collective."""
+        """Make the bounds agree; returns the change of displacement, None if a bound is cut."""
         right = np.concatenate([law.distance(direction) for law in self._laws])
         change, displacement = self._solve(right)
         parts = zip(self._laws, np.split(change, self._ends), strict=True)
@@ -194,35 +193,35 @@ class BoundStep:
         return None if on_any_rank(self._tangent.comm, is_cut) else displacement
 
     def _solve(self, right: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The steps of the bounds for a right-hand side, and their displacement; collective.
+        """The steps of the bounds for a right-hand side, and their displacement.
 
-        Generalised conjugate residuals, which keep what earlier solves with this tangent learnt.
+        Generalised conjugate residuals, which reuse the search directions of earlier solves.
         """
-        change, left, start = np.zeros_like(right), right.copy(), self._norm(right)
+        change, residual, start = np.zeros_like(right), right.copy(), self._norm(right)
         displacement = self._tangent.nothing()
         for i in range(self._tuning.bound_iterations):
-            size = self._norm(left)
-            # An iterative solver finds responses too roughly to rely on what they leave.
+            size = self._norm(residual)
+            # The responses of an iterative solver are too rough for this test.
             if i == 1 and self._tangent.direct is not None:
                 self.contracts = size <= self._tuning.bound_contracts * start
             if i >= len(self._known):
                 if not size > self._enough(start):
                     break
-                self._learn(left)
+                self._learn(residual)
             step, image, moved = self._known[i]
-            share = self._dot(image, left)
+            share = self._dot(image, residual)
             change += share * step
             displacement += share * moved
-            left -= share * image
+            residual -= share * image
         return change, displacement
 
     def _enough(self, start: float) -> float:
-        """The residual at which the equation counts as solved that began with ``start``."""
+        """The residual at which the equation counts as solved; ``start`` is the first one."""
         rough = self._tuning.bound_rtol_foreseen * self._foreseen if self.contracts else 0.0
         return max(rough, self._tuning.bound_rtol * start)
 
     def _learn(self, step: FloatArray) -> None:
-        """Find the response to one more step, made independent of those before; collective."""
+        """Compute the response to one more step, orthogonalised against the known ones."""
         parts = np.split(step, self._ends)
         du = self._tangent.respond(self._reactions(parts), self._tuning.linear_loosest)
         moved = np.concatenate([law.moved_by(du) for law in self._laws])
@@ -244,9 +243,9 @@ class BoundStep:
 
 
 class BoundLaw:
-    """``G = mu(|u_tau|) |R p|`` on one part of Gamma_C, linearised at the iterate.
+    """``G = mu(|u_tau|) |R p|`` on one part of Gamma_C, linearised at the iterate; collective.
 
-    Values are those of the nodes of the cones, (k,); collective to make.
+    Values are those at the nodes of the cones, (k,).
     """
 
     def __init__(self, moving: MovingBound, most_taken: float) -> None:
@@ -258,49 +257,49 @@ class BoundLaw:
         mu = moving.share * bound.coefficient(slips)
         pressure = self._nodes.at_all(self._contact.z)
         smoothed = bound.smoothing.apply(pressure)
-        wanted = mu * np.abs(smoothed)
+        by_law = mu * np.abs(smoothed)
         if not bound.is_coulomb:
-            wanted = moving.share * bound.evaluate(pressure, slips)
-        self._wanted = self._nodes.of_all(contact.rubbing(wanted))
+            by_law = moving.share * bound.evaluate(pressure, slips)
+        self._by_law = self._nodes.of_all(contact.rubbing(by_law))
         self._mu = float(bound.is_coulomb) * self._nodes.of_all(contact.rubbing(mu))
         slip = self.friction.seen
         self._along = slip / np.maximum(norm(slip), np.finfo(float).tiny)
         self._slope = moving.slope()
 
     def distance(self, direction: Direction) -> FloatArray:
-        """The residual of the equation for a direction; collective."""
+        """The residual of the equation for a direction."""
         friction = self.friction
         slip_step = friction.slip_step(direction.of(friction))
-        wanted = self._wanted + self.moved(direction.of(self._contact).dual, slip_step)
-        return wanted - friction.bound - friction.bound_step
+        by_law = self._by_law + self.moved(direction.of(self._contact).dual, slip_step)
+        return by_law - friction.bound - friction.bound_step
 
     def missed(self, direction: Direction) -> FloatArray:
-        """The same, but for a bound that would have to fall farther than it may; collective."""
-        left, friction = self.distance(direction), self.friction
+        """The residual, without that of bounds that would have to fall farther than allowed."""
+        residual, friction = self.distance(direction), self.friction
         is_cut = friction.bound_step <= -self._most_taken * friction.bound
-        return np.where(is_cut, np.maximum(left, 0.0), left)
+        return np.where(is_cut, np.maximum(residual, 0.0), residual)
 
     def change(self, change: FloatArray) -> bool:
-        """Change the step of the bound, which stays positive; whether that cut it on this rank."""
+        """Change the step of the bound, cut so that it stays positive; True if cut on this rank."""
         friction = self.friction
         step, least = friction.bound_step + change, -self._most_taken * friction.bound
         friction.bound_step = np.asarray(np.maximum(step, least))
         return bool(np.any(step < least))
 
     def moved_by(self, displacement: FloatArray) -> FloatArray:
-        """The change of the law by a response of the displacement (owned values); collective."""
+        """The change of the bound by a response of the displacement (owned values)."""
         pressure_step = self._contact.block(self._contact.see(displacement))
         return self.moved(pressure_step, self.friction.see(displacement))
 
     def moved(self, pressure_step: FloatArray, slip_step: FloatArray) -> FloatArray:
-        """``mu R dp + mu'(s) |R p| ds``, without what the cones make the bound grow by."""
+        """``mu R dp + mu'(s) |R p| ds``, without the growth that the cones contain."""
         nodes = self._nodes
         smoothed = nodes.of_all(self._smoothing.apply(nodes.at_all(pressure_step)))
         moved = self._mu * smoothed + self._slope * dot(self._along, slip_step)
         return np.asarray(moved - self.friction.grown(slip_step))
 
     def moved_adjoint(self, bound: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The adjoint of :meth:`moved`: pressure and slip of a bound (k,); collective."""
+        """The adjoint of :meth:`moved`: pressure and slip of a bound (k,)."""
         nodes, friction = self._nodes, self.friction
         pressure = nodes.of_all(self._smoothing.adjoint(nodes.at_all(self._mu * bound)))
         slip = self._slope * bound * self._along - friction.grown_adjoint(bound)

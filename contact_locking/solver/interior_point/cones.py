@@ -1,11 +1,11 @@
-"""Cones in batches: for the interior point method, and the pieces of their laws for Newton's.
+"""Cones in batches of k points, for the interior point method and for Newton's on pieces of laws.
 
-A cone pairs a primal point x with a multiplier z at each of k points with weights, under a law of
-what it sees of the displacement, ``lin(u)``: a scalar (k,) or a vector (m, k).  It eliminates both
-from the Newton system.  The step of its reactions is ``c + D lin(du)``: the block ``D`` goes into
-the tangent, ``c`` into the right-hand side.
+At each point a cone pairs a primal point x with a multiplier z.  Their law is about ``lin(u)``,
+a linear map of the displacement: a scalar (k,) or a vector (m, k).  A Newton step of the law gives
+the step ``c + D lin(du)`` of the reactions on the body: the block D goes into the tangent, c into
+the right-hand side, and x and z are eliminated.
 
-The law of a cone is a semismooth equation as well, whose pieces :meth:`Cone.pieces` returns.
+The same law is also a semismooth equation (:class:`Pieces`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ TINY = float(np.finfo(float).tiny)
 
 @dataclass(frozen=True)
 class Step:
-    """The step of the primal points of a family and of their multipliers."""
+    """A step of primal points and of their multipliers, in the shapes of x and z."""
 
     primal: FloatArray
     dual: FloatArray
@@ -41,9 +41,9 @@ class Step:
 
 
 class Cone(ABC):
-    """What the interior point method does with cones, and with a :class:`Composite` of them.
+    """The operations of the interior point method on cones.
 
-    ``lin(u)`` is what they see of a displacement.
+    Arguments ``seen`` are ``lin`` of a displacement or of its step.
     """
 
     #: The measure of the points that products are integrated over.
@@ -54,7 +54,7 @@ class Cone(ABC):
     @property
     @abstractmethod
     def reactions(self) -> FloatArray:
-        """The reactions on the body, in the shape of what is seen."""
+        """The reactions on the body, in the shape of ``lin(u)``."""
 
     @abstractmethod
     def total(self, t: float = 0.0, step: Step | None = None) -> float:
@@ -65,9 +65,9 @@ class Cone(ABC):
         """The reciprocal (k,) of the longest step in each cone, 0 without a limit."""
 
     def longest_step(self, step: Step) -> float:
-        """The largest t that leads out of no cone, inf without a limit."""
+        """The largest t for which all points stay in their cones, inf without a limit."""
         speed = np.max(self.speeds(step), initial=0.0)
-        # NaN is no direction to go in.
+        # A NaN has to give a length of 0.
         return np.inf if speed <= 0.0 else 1.0 / speed if speed > 0.0 else 0.0
 
     @abstractmethod
@@ -82,23 +82,22 @@ class Cone(ABC):
 
     @abstractmethod
     def linearise(self) -> None:
-        """Make the block D of the present points and of what was seen."""
+        """Compute the block D at the present points and displacement."""
 
     @abstractmethod
     def block(self, seen: FloatArray) -> FloatArray:
-        """``D lin(du)`` with the present block D."""
+        """``D lin(du)``."""
 
     @abstractmethod
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
-        """The reactions that the step leads to if the displacement stands still.
+        """The reactions after a step towards products of ``target`` per volume, if du = 0.
 
-        The complementarity products are driven to ``target`` per volume; ``correction`` is
-        Mehrotra's second-order term of the predictor, with that of recentrings.
+        ``correction`` is Mehrotra's second-order term of the predictor, plus recentrings.
         """
 
     @abstractmethod
     def step(self, seen: FloatArray) -> Step:
-        """The step that belongs to ``lin(du)``, towards the target that was aimed at."""
+        """The step of points and multipliers for ``lin(du)``, towards the target of :meth:`aim`."""
 
     @abstractmethod
     def correction(self, step: Step) -> FloatArray:
@@ -106,17 +105,11 @@ class Cone(ABC):
 
     @abstractmethod
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        """The correction that brings the products after a step t back into a band, roughly.
-
-        The band is per volume.
-        """
+        """The correction that roughly returns products after a step t to a band per volume."""
 
 
 class Composite(Cone):
-    """Cones one after another.
-
-    Points, multipliers and their steps, what is seen and reactions are flat arrays.
-    """
+    """Several cones as one: points, multipliers, steps and reactions are concatenated, flat."""
 
     def __init__(self, cones: Sequence[PointCones]) -> None:
         self.cones = tuple(cones)
@@ -129,7 +122,7 @@ class Composite(Cone):
         return _parts(values, self._points)
 
     def of_seen(self, values: FloatArray) -> list[FloatArray]:
-        """Values of what is seen, or of reactions, cone by cone."""
+        """Values of ``lin(u)`` or of reactions, cone by cone."""
         return _parts(values, self._seen)
 
     def steps(self, step: Step) -> list[Step]:
@@ -200,11 +193,12 @@ def _parts(values: FloatArray, shapes: Sequence[tuple[int, ...]]) -> list[FloatA
 
 
 class PointCones(Cone):
-    """Cones of one kind at k points with weights.
+    """Cones of one kind at k points with ``weights`` (k,).
 
-    ``x`` and ``z`` are the primal points and their multipliers, and ``seen`` is what they see of a
-    displacement.  ``scale`` is 1 where products are per volume, and the length of the body where
-    they are per area: means and targets are per volume.
+    - ``x``, ``z``: the primal points and their multipliers
+    - ``seen``: ``lin(u)`` of the present displacement, (k,) or (m, k)
+    - ``scale``: 1 for products per volume, the length of the body for products per area; targets
+      and means are per volume
     """
 
     weights: FloatArray
@@ -212,8 +206,8 @@ class PointCones(Cone):
     x: FloatArray
     z: FloatArray
     seen: FloatArray
-    #: The least compliance of a step, 0 for the step of the cones as they are.  The laws of the
-    #: iterate do not have it: it acts on the change of multipliers, which vanishes in the end.
+    #: The least compliance of a step, usually 0.  It does not change the solution, because it acts
+    #: on the step of the multipliers, which vanishes in the end.
     softness: float = 0.0
 
     @property
@@ -226,13 +220,13 @@ class PointCones(Cone):
 
     @abstractmethod
     def reactions_of(self, z: FloatArray) -> FloatArray:
-        """The reactions of multipliers, in which they are linear."""
+        """The reactions of multipliers z; they are linear in z."""
 
     # The iterate.
 
     @abstractmethod
     def start(self, level: float, least: float) -> None:
-        """Points inside the cones near what was seen, on the central path or near it.
+        """Start inside the cones, near the present displacement and the central path.
 
         ``level`` is the complementarity product per volume, ``least`` the least opening of contact.
         """
@@ -249,22 +243,22 @@ class PointCones(Cone):
 
     @abstractmethod
     def primal_gap(self) -> FloatArray:
-        """How far the points are from their laws, in the shape of x."""
+        """The residual of the linear relation between x, z and ``lin(u)``, in the shape of x."""
 
     def sizes(self, deformation: float) -> FloatArray | None:
-        """The scale of gaps, which for lengths is ``deformation``; None where gaps vanish."""
+        """The scale of primal gaps, ``deformation`` for lengths; None if the gaps are zero."""
         return None
 
     # The block D.
 
     @abstractmethod
     def hold(self, stiffness: float | FloatArray) -> None:
-        """Put springs ``D = stiffness``, a number or (k,), in place of the cones' block."""
+        """Set ``D = stiffness``, a number or (k,), in place of the block of the cones."""
 
     @property
     @abstractmethod
     def springs(self) -> Springs:
-        """Directions d, (m, k), with the stiffness c (k,) of ``c d d^T`` in the block D."""
+        """Directions d (m, k) with stiffnesses c (k,), the terms ``c d d^T`` of the block D."""
 
     @property
     @abstractmethod
@@ -275,27 +269,27 @@ class PointCones(Cone):
 
     @abstractmethod
     def pieces(self, stiffness: float, stiffest: float) -> Pieces[Any]:
-        """The law as a semismooth equation, with a body of this stiffness."""
+        """The law as a semismooth equation; arguments as for :class:`Pieces`."""
 
     # The derivative by the data.
 
     @abstractmethod
     def move(self, gap: FloatArray) -> None:
-        """Let steps be the change with data that move the points by ``gap``, in the shape of x.
+        """Make :meth:`step` the derivative by data that change the primal gap by ``gap``.
 
         The complementarity products stay: ``dz = -W^-2 dx``.
         """
 
     @abstractmethod
     def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
-        """The adjoint of the map from a gap to the reactions that change if nothing moves.
+        """The adjoint of the map from a gap to the change of reactions for du = 0.
 
-        ``reactions`` are ``D seen``, with digits that ``seen`` has not.
+        ``reactions`` are ``D seen``, with more digits than that product.
         """
 
     @abstractmethod
     def centre(self, product: float) -> None:
-        """Points of a product per volume on the central path of laws that have a compliance."""
+        """Move to the point of the central path with this product, of laws with a compliance."""
 
     # Whether anything is admissible.
 
@@ -303,18 +297,18 @@ class PointCones(Cone):
         return 0.0
 
     def power(self, reactions: FloatArray, seen: FloatArray) -> float:
-        """``int reactions . lin(u)`` of given reactions and ``lin(u)``."""
+        """``int reactions . lin(u)``, where ``seen`` is ``lin(u)``."""
         return float(self.weights @ dot(np.atleast_2d(reactions), np.atleast_2d(seen)))
 
     def resistance(self, reactions: FloatArray) -> float:
-        """The most that :meth:`power` can be where the displacement is admissible.
+        """The largest :meth:`power` of an admissible displacement.
 
-        Infinite for reactions that the limit has not; zero for cones that do not limit it.
+        Infinite for reactions of the wrong sign; zero for cones that do not limit displacements.
         """
         return 0.0
 
     def holding(self, stiffness: float, largest: float) -> float | FloatArray:
-        """Springs of this stiffness at most, whose forces may change the present reactions.
+        """Springs, at most this stiff, that stand for the cones in a proof of infeasibility.
 
         ``largest`` is the largest multiplier of all families.
         """
@@ -361,21 +355,20 @@ C = TypeVar("C", bound=PointCones)
 class Pieces(ABC, Generic[C]):
     """The law of cones as a semismooth equation ``y = P(y + c s)``, and Newton's step for it.
 
-    ``y`` are the reactions, ``s`` is how far what is seen exceeds its limit, and P is the
-    projection onto the reactions that the law permits (with a compliance, its proximal map).  The
-    equation holds for all c > 0 or none.  Its generalised Jacobian is constant on pieces: touching
-    and open nodes (Hueeber, Stadler and Wohlmuth, doi:10.1137/060671061), nodes that stick and
-    slide, points at their limit and below.  On each piece the step of the reactions is
-    ``dy = rest + D lin(du)``, with the block D in the place of that of the interior point method.
+    y are the reactions, s is the excess of ``lin(u)`` over its limit, and P is the projection onto
+    the reactions that the law permits (with a compliance, its proximal map).  If the equation holds
+    for one c > 0, it holds for all.  P is smooth on pieces: nodes that touch or not (Hueeber,
+    Stadler and Wohlmuth, doi:10.1137/060671061), that stick or slide, points at their limit or
+    below.  On each piece the step of the reactions is ``dy = rest + D lin(du)``.
 
-    ``stiffness`` is that of the body, a stress.  A law that admits one displacement only has the
-    stiffness ``1/softness``, ``stiffest`` times that of the body, instead of an infinite one, which
-    acts on the change of reactions and so vanishes in the end.
+    - ``stiffness``: of the body, a stress; it determines c
+    - ``stiffest``: the largest stiffness of a step over that of the body, where the law itself is
+      rigid; it acts on the step of the reactions, which vanishes in the end
     """
 
     y: FloatArray
     rest: FloatArray
-    #: How many points of this rank are on another piece than that of the block.
+    #: The number of points of this rank whose piece is no longer that of the block.
     changed = 0
 
     def __init__(self, cone: C, stiffness: float, stiffest: float) -> None:
@@ -384,29 +377,29 @@ class Pieces(ABC, Generic[C]):
         self.softness = 1.0 / (stiffest * self.c)
 
     def start(self, reactions: FloatArray) -> None:
-        """Begin with reactions."""
+        """Start from reactions."""
         self.y = reactions
 
     def resume(self, pair: Pair) -> None:
-        """Begin with the point and the multiplier of an earlier solution."""
+        """Start from the points and multipliers of an earlier solution."""
         self.cone.z = pair[1].copy()
         self.start(self.cone.reactions)
 
     @abstractmethod
     def linearise(self) -> None:
-        """Choose the pieces by the present reactions and what was seen, and set the block D."""
+        """Choose the pieces at the present reactions and displacement, and set the block D."""
 
     @abstractmethod
     def evaluate(self) -> None:
-        """Set ``rest``, the step of the reactions if nothing moves; D may be an earlier one."""
+        """Set ``rest``, the step of the reactions for du = 0; D may be an earlier one."""
 
     def extrapolate(self, before: FloatArray) -> None:
-        """Add to ``rest`` what follows from the change since ``before`` was seen."""
+        """Add to ``rest`` the effect of the change of ``lin(u)`` from ``before``."""
         self.rest += self.cone.block(self.cone.seen - before)
 
     @property
     def aim(self) -> FloatArray:
-        """The reactions that the step leads to if nothing moves."""
+        """The reactions after the step, for du = 0."""
         return self.y + self.rest
 
     def misfit(self) -> tuple[float, float]:
@@ -414,19 +407,19 @@ class Pieces(ABC, Generic[C]):
         return 0.0, 0.0
 
     def _shifted(self) -> FloatArray:
-        """``v = y + c s`` of what was seen."""
+        """``v = y + c s`` at the present displacement."""
         return np.asarray(self.y + self.c * self.cone.seen)
 
     @abstractmethod
     def step(self, seen: FloatArray) -> Step:
-        """The step that belongs to ``lin(du)``, as one of the cones."""
+        """The step of points and multipliers for ``lin(du)``."""
 
     @abstractmethod
     def advance(self, step: Step) -> None:
-        """Take a step, once its displacement was looked at, and put the points into the cones."""
+        """Take a step, after ``seen`` has been updated, and move the points into the cones."""
 
     def inside(self, product: float) -> Pair:
-        """The points and the multipliers, moved inside the cones to a product per volume."""
+        """Points and multipliers inside the cones, with this product per volume."""
         return inside(self.cone.x, self.cone.z, self.c, product * self.cone.scale)
 
 

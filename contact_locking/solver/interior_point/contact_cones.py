@@ -26,11 +26,11 @@ Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 class ContactNodes:
-    """The displacement at k nodes with weights, and the forces of tractions there.
+    """The k owned nodes of a contact whose normal displacement is not prescribed.
 
-    The nodes are the owned ones of ``contact`` whose normal displacement is free, as nothing is
-    left to decide at the others.  ``number`` is the place of the contact among all contacts.
-    Vectors are (d, k), scalars (k,); ``weights`` (k,) are those of the nodes.
+    - ``contact``, ``number``: the contact, and its index among all contacts
+    - ``normal``, ``weights``: (d, k) and (k,); all vectors are (d, k), scalars (k,)
+    - ``tool``, ``direction``: the index and direction (d,) of a pushed foundation; None and zero
     """
 
     def __init__(self, contact: NodalContact, number: int, system: System) -> None:
@@ -42,7 +42,6 @@ class ContactNodes:
         self.points = np.flatnonzero(self._active).astype(np.int32)
         self.weights = surface.weights[self._active]
         contacts = [tool.contact for tool in system.tools]
-        #: The number of the foundation here among the free ones, None if it is not free.
         self.tool = contacts.index(contact) if contact in contacts else None
         none = np.zeros(self.dim)
         self.direction = none if self.tool is None else system.tools[self.tool].direction
@@ -54,7 +53,7 @@ class ContactNodes:
         return self.contact.gaps[self._active]
 
     def old_slips(self) -> FloatArray:
-        """``u_{k-1,tau}`` (d, k), where the nodes stood before the step."""
+        """``u_{k-1,tau}`` (d, k), before the step."""
         return self.contact.references[self._active].T
 
     def stiffness(self, block: FloatArray) -> PointStiffness:
@@ -62,7 +61,7 @@ class ContactNodes:
         return PointStiffness(self.operator, self.at_all(self.weights * block))
 
     def material_springs(self, material: float) -> FloatArray:
-        """The springs (k,) per area that are as stiff as a material with this stiffness."""
+        """The stiffness per area (k,) that corresponds to a material of this stiffness."""
         return np.asarray(material * self.weights ** (-1.0 / (self.dim - 1)))
 
     def along(self, places: IndexArray, directions: FloatArray) -> PETSc.Mat:
@@ -70,17 +69,17 @@ class ContactNodes:
         return self.operator.along(self.points[places], directions.T)
 
     def at_all(self, values: FloatArray) -> FloatArray:
-        """Values (..., k) as values (K, ...) at all owned nodes of the contact, zero at others."""
+        """Values (..., k) extended by zero to all owned nodes of the contact, (K, ...)."""
         result = np.zeros((len(self._active), *values.shape[:-1]))
         result[self._active] = np.moveaxis(values, -1, 0)
         return result
 
     def of_all(self, values: FloatArray) -> FloatArray:
-        """The values (k, ...) at these nodes, from those at all owned nodes of the contact."""
+        """The values (k, ...) at these nodes of values at all owned nodes of the contact."""
         return np.asarray(values[self._active])
 
     def scatter(self, values: npt.NDArray[Scalar], into: npt.NDArray[Scalar]) -> None:
-        """Put values (k,) or (d, k) into an array over all owned nodes of the contact."""
+        """Write values (k,) or (d, k) into an array over all owned nodes of the contact."""
         into[self._active] = values.T
 
     def displacements(self, displacement: FloatArray) -> FloatArray:
@@ -92,19 +91,19 @@ class ContactNodes:
 
 
 class OnContact(Family):
-    """The common part of families of cones at the nodes of a contact."""
+    """A family of cones at the nodes of a contact."""
 
     nodes: ContactNodes
-    #: The block D (d, d, k) that the tangent has, with the directions of vectors at the nodes.
+    #: The block (d, d, k) of the tangent, for displacements of the nodes.
     tangent_block: FloatArray
 
     @abstractmethod
     def tractions(self, reactions: FloatArray) -> FloatArray:
-        """The tractions (d, k) that reactions are."""
+        """The tractions (d, k) of reactions."""
 
     @abstractmethod
     def pull(self, stiffness: float) -> FloatArray:
-        """The reactions of springs that rest where the body would come to rest; collective."""
+        """The reactions at u = 0 of springs that stand for the contact at the start; collective."""
 
     def soft_springs(self, material: float) -> tuple[FloatArray, FloatArray]:
         soft = self.nodes.material_springs(material)
@@ -155,7 +154,7 @@ class ContactCones(OnContact, HalfLines):
 
     @property
     def limit(self) -> FloatArray:  # type: ignore[override]
-        # Tools that move change the gap.
+        # The gap changes with the travels of tools.
         return self.nodes.gap
 
     def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
@@ -169,8 +168,8 @@ class ContactCones(OnContact, HalfLines):
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
         forces = multipliers.contacts[self.nodes.number]
         self.nodes.scatter(self.z, forces.pressure)
-        # On the central path opening times pressure is constant; the larger one, in comparable
-        # units, is the one that does not vanish.
+        # On the central path opening times pressure is constant, and the larger of the two, in
+        # comparable units, is the one that is not zero in the limit.
         self.nodes.scatter(self.z > self.x * stiffness / self.scale, forces.touches)
 
     def read(self, multipliers: Multipliers) -> FloatArray:
@@ -183,7 +182,7 @@ class ContactCones(OnContact, HalfLines):
     # The start, and whether anything is admissible.
 
     def pull(self, stiffness: float) -> FloatArray:
-        """Springs rest on the foundation inside the body, and on the nearest of it outside."""
+        """Springs push overlapping nodes out, and pull all others by the least gap, if positive."""
         gap = self.nodes.gap
         nearest = max(minimum(self.comm, gap), 0.0)
         return -stiffness * np.minimum(gap, nearest)
@@ -197,7 +196,7 @@ class ContactCones(OnContact, HalfLines):
 class FrictionCones(OnContact, Slips):
     """``|sigma_tau| <= G`` against the slip of the step, ``u_tau - u_{k-1,tau}``, node by node.
 
-    ``length`` is the extent of the body.
+    ``length`` is the extent of the body, and ``regularisation`` the length eps of (22).
     """
 
     def __init__(self, nodes: ContactNodes, regularisation: float, length: float) -> None:
@@ -229,21 +228,21 @@ class FrictionCones(OnContact, Slips):
         return z
 
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        # Data that turn the normal of a foundation turn slips and tractions with it.
+        # If the data rotate the normals, slips and tractions must follow.
         x, z = self.tangential(x), self.tangential(z)
         slips, bounds = (values[0] / (maximum(self.comm, values[0]) or 1.0) for values in (x, z))
         return aligned(x, z, slips >= bounds)
 
     def pull(self, stiffness: float) -> FloatArray:
-        """Springs rest where the nodes stood before the step."""
+        """Springs pull the nodes towards their positions before the step."""
         return -stiffness * self.nodes.old_slips()
 
     def write_block(self) -> None:
         self._write(self.a, self.b, self.w)
 
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
-        first, rest = stiffness[0], stiffness[-1]
-        self._write(rest, first - rest, self.springs[0][0])
+        along, across = stiffness[0], stiffness[-1]
+        self._write(across, along - across, self.springs[0][0])
 
     def _write(self, a: FloatArray, b: FloatArray, w: FloatArray) -> None:
         normal, w = self.normal, along_planes(w, self.normal)

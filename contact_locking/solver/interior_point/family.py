@@ -1,4 +1,4 @@
-"""Families of cones: cones with the part of the displacement that they see."""
+"""Families of cones: all cones of one law and contact, with their operator on displacements."""
 
 from __future__ import annotations
 
@@ -17,59 +17,60 @@ from contact_locking.solver.task import Multipliers
 
 
 class Family(PointCones):
-    """Cones at points of the body, with the operator ``lin`` of what they see, and its adjoint.
+    """Cones at points of the body, with the linear operator ``lin`` and its adjoint.
 
-    What a cone tells is about the points of this rank.
+    Values are those of the points of this rank; the methods with ``displacement``, ``forces`` or
+    matrices are collective.
     """
 
     comm: MPI.Intracomm
-    #: Whether the iterate has points in these cones; where it has none, the family keeps the
-    #: springs that :meth:`hold` has put into the tangent.
+    #: Whether the iterate has points in these cones.  If not, the springs of :meth:`hold` stay in
+    #: the tangent.
     takes_part: bool = True
 
     # The displacement and the forces.
 
     @abstractmethod
     def see(self, displacement: FloatArray) -> FloatArray:
-        """``lin`` of a displacement: (m, k), or (k,) of a scalar; collective.
+        """``lin`` of a displacement: (m, k), or (k,) for a scalar.
 
-        Displacements are the owned values, and behind them the travels of the tools.
+        Displacements are the owned values, followed by the travels of the tools.
         """
 
     @abstractmethod
     def add_forces(self, reactions: FloatArray, forces: PETSc.Vec) -> None:
-        """``forces += int reactions . lin(.)``, the adjoint of :meth:`see`; collective."""
+        """``forces += int reactions . lin(.)``, the adjoint of :meth:`see`."""
 
     @property
     def tool(self) -> int | None:
-        """The number of the free foundation that the family sees, None without one."""
+        """The number of the pushed foundation of this contact, None without one."""
         return None
 
     def add_tool_forces(
         self, reactions: FloatArray, forces: FloatArray, magnitudes: bool = False
     ) -> None:
-        """The same for the travels of the tools (T,), or its magnitudes, of this rank."""
+        """Add the forces on the travels of the tools (T,), or their magnitudes, of this rank."""
         return
 
     def look(self, displacement: FloatArray) -> None:
-        """Everything from now on is about this displacement; collective.
+        """Set ``seen`` for this displacement.
 
-        The gaps contain the present travels of the tools, so that the travels here are zero.
+        Its travels are zero, because the gaps contain the present travels of the tools.
         """
         self.seen = self.see(displacement)
 
     @abstractmethod
     def write(self, multipliers: Multipliers, stiffness: float) -> None:
-        """Add the reactions; ``stiffness`` compares pressures with openings.  Collective."""
+        """Write the reactions into multipliers; ``stiffness`` compares pressures with openings."""
 
     @abstractmethod
     def read(self, multipliers: Multipliers) -> FloatArray:
-        """The z whose reactions :meth:`write` has written."""
+        """The z of multipliers, the inverse of :meth:`write`."""
 
     def centred(self, x: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Points and multipliers on the central path, near the given ones; collective.
+        """A pair on the central path, near (x, z); collective.
 
-        Off the path the scaling of Lorentz cones is no derivative of the iterate.
+        Only there the scaling of Lorentz cones is the derivative of the iterate.
         """
         return x, z
 
@@ -80,13 +81,13 @@ class Family(PointCones):
             return 0.0
         gap = self.primal_gap()
         local = np.array([self.power(gap, gap), self.power(sizes, sizes)])
-        left, most = self.comm.allreduce(local)
-        return float(np.sqrt(left / most)) if most > 0.0 else 0.0
+        square, size = self.comm.allreduce(local)
+        return float(np.sqrt(square / size)) if size > 0.0 else 0.0
 
     def is_kept(self, margin: float, displacement: float) -> bool:
-        """Whether what was seen keeps its limits, but for a share ``margin``, on this rank.
+        """Whether the displacement exceeds no limit on this rank by more than a share ``margin``.
 
-        ``displacement`` is the largest in the body, which rounding is judged by.
+        ``displacement`` is the largest in the body, the scale of rounding.
         """
         return True
 
@@ -94,33 +95,32 @@ class Family(PointCones):
 
     @abstractmethod
     def write_springs(self, stiffness: Sequence[FloatArray]) -> None:
-        """Put the block D into the tangent, with other stiffnesses of ``springs``; collective."""
+        """Write the block D for the tangent, with other stiffnesses of ``springs``."""
 
     def write_block(self) -> None:
-        """Put the block D into the tangent; collective."""
+        """Write the block D for the tangent."""
         self.write_springs([values for _, values in self.springs])
 
     def soften(self, factor: float, material: float) -> None:
-        """Write the block without what the filter takes out of a body; collective."""
+        """Write the block without the stiffness that the filter handles."""
         self.write_block()
 
     @abstractmethod
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
-        """The owned nodes of what is stiffer than the material by a factor; collective."""
+        """The owned nodes where the block is stiffer than the material by a factor."""
 
     def soft_springs(self, material: float) -> tuple[FloatArray | float, FloatArray | float]:
-        """The stiffness of the material at the points, and what is left of a stiffer one."""
+        """The stiffness of the material at the points, and the one that replaces a larger one."""
         return material, 0.0
 
     @abstractmethod
     def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
-        """The matrix of ``v -> directions . lin(v)``, (m, p), at points (p,); collective."""
+        """The matrix of ``v -> directions . lin(v)`` for directions (m, p) at points (p,)."""
 
     def stiff_rows(self, factor: float, material: float) -> tuple[PETSc.Mat, FloatArray]:
-        """``C`` (k, n) and ``B`` (k,): this family adds ``C^T B C`` where it is stiff; collective.
+        """``C`` (r, n) and ``B`` (r,): the stiff part of this family is ``C^T B C``.
 
-        ``C`` has a row for each point and each of the ``springs`` along which it is stiffer
-        than the material by the factor.
+        ``C`` has a row for each spring at a point that is stiffer than the material by the factor.
         """
         soft, kept = self.soft_springs(material)
         points, directions, stiffness = [], [], []
@@ -133,7 +133,7 @@ class Family(PointCones):
         return rows, np.concatenate(stiffness)
 
     def soften_along(self, factor: float, material: float) -> None:
-        """Write the block without the stiffness of :meth:`stiff_rows`; collective."""
+        """Write the block without the stiffness of :meth:`stiff_rows`."""
         soft, kept = self.soft_springs(material)
         self.write_springs(
             [
@@ -145,7 +145,7 @@ class Family(PointCones):
 
 @dataclass(frozen=True)
 class Reaction:
-    """Reactions of a family that act on the body."""
+    """Reactions of a family on the body, in the shape of its ``seen``."""
 
     family: Family
     values: FloatArray
@@ -161,7 +161,7 @@ class Reaction:
 
 @dataclass(frozen=True)
 class Direction:
-    """A step of the displacement with the travels, and of the cones that take part."""
+    """A step of the displacement, with the travels, and of the active cones."""
 
     displacement: FloatArray
     step: Step

@@ -17,18 +17,18 @@ from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import FrictionCones, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.linear.ksp import linear_failures
+from contact_locking.solver.ksp import linear_failures
 from contact_locking.solver.task import Target
 
-# Multipliers are balanced by a stress this many times stiffer than the material.
+# The stiffness k that balances the multipliers, over that of the material.
 _STIFFER = 1e6
-# Cells without a limit are taken to strain no more than this: small strains are the model's.
+# The strain assumed as the limit of cells without one, because the model is of small strains.
 _SMALL_STRAIN = 1.0
-# The rounding that either side may have, relative to it.
+# The relative rounding of either side.
 _ROUNDING = 1e-6
-# The rounding of a gap relative to the length of the body, which coordinates have.
+# The rounding of a gap over the length of the body.
 GAP_ROUNDING = 10.0 * ROUNDING
-# The linear solve of an iterative solver leaves this share of the imbalance, if rounding lets it.
+# The accuracy of an iterative linear solve.
 _ACCURACY = 1e-10
 
 
@@ -37,26 +37,27 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
 
     Let ``B(v) = int Z : eps(v) + int p v_nu`` for any Z and ``p >= 0``.  If B vanishes for every v
     that is zero where displacements are prescribed, then ``P = B(u)`` is the same for every field
-    that follows u_D, and s P for those that follow s u_D; but it is ``R = int M |Z| + int p gap``
-    at most where ``|eps| <= M`` and ``u_nu <= gap``.  So no admissible field on this mesh follows
+    with the values u_D, and s P for those with s u_D.  But B is at most ``R = int M |Z| + int p
+    gap`` if ``|eps| <= M`` and ``u_nu <= gap``.  So no admissible field on this mesh has the values
     s u_D with ``s > R/P``.  With several sets of strains Z is the sum of ``L^T y`` over them, and
     ``M |y|``, with ``y >= 0`` for a half space, takes the place of ``M |Z|``.
 
-    The multipliers of ``iterate`` hardly balance each other.  With
+    The multipliers of ``iterate`` do not quite balance each other.  With
 
         int (A + k) eps(rho) : eps(v) + int (k/L) rho_nu v_nu = B(v)
 
-    ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, but for ``a(rho, v)``, which adds at most
-    ``int c |eps(rho)| (M + |eps(u)|)`` to R, c being the largest eigenvalue of A.  Where no set
-    bounds the norm of the strain 1 takes the place of M.  The sum of the forces that the linear
-    solve leaves, and of those of springs at rho, times the largest ``|u|`` and the length of the
-    body, adds to R, too: no field with strains below 1 is taken to be farther away.
+    ``Z - k eps(rho)`` and ``p - (k/L) rho_nu`` do, except for ``a(rho, v)``, which adds at most
+    ``int c |eps(rho)| (M + |eps(u)|)`` to R, with the largest eigenvalue c of A.  Where no set
+    bounds the norm of the strain, 1 is used for M.  The residual forces of the linear solve and
+    the forces of springs at rho, times the largest ``|u|`` plus the length of the body, are added
+    to R as well, on the assumption that no field with strains below 1 is farther away.
 
-    Tools may retreat, and so the proof leaves their contacts out.
+    Pushed foundations may retreat, and so the proof omits their contacts.
 
-    None without a proof that ``P > R``, as where the linear solver does not find rho, and where
-    friction alone holds the body, or a tool may have to, so that rho is not determined.  Infinite
-    if R is negative: then the gap alone is in the way, and to scale u_D is no way out.  Collective.
+    None without a proof that ``P > R``: also if the linear solver fails, or if rho is not
+    determined because friction or a pushed foundation has to hold the body.  Infinite if R is
+    negative: then the gap alone has no admissible field, and scaling u_D does not help.
+    Collective.
     """
     tangent = iterate.tangent
     system = tangent.system
@@ -72,7 +73,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     largest = iterate.largest_multiplier()
     springs: dict[Family, float | FloatArray] = dict.fromkeys(tangent.families, 0.0)
     for family in limits:
-        # Springs alone would let rho become large.
+        # Without other supports the springs would let rho become large.
         is_held = not (system.held_by_contact or system.data.springs)
         if not (is_held and isinstance(family, OnContact)):
             most = _STIFFER * target.stiffness / family.scale
@@ -97,14 +98,14 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     pressures = [item for item in reactions if isinstance(item.family, OnContact)]
     pressed = (float(item.family.weights @ np.abs(item.values)) for item in pressures)
     resistance += GAP_ROUNDING * target.length * _summed(iterate, pressed)
-    # An infinite resistance is that of a foundation that would have to pull.
+    # The resistance is infinite if a foundation would have to pull.
     if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
         return None
     return resistance / power if resistance > 0.0 else math.inf
 
 
 def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
-    """``B(u)`` of the displacement visited last; collective."""
+    """``B(u)`` at the present displacement; collective."""
     return _summed(
         iterate, (item.family.power(item.values, item.family.seen) for item in reactions)
     )

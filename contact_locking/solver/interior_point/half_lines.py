@@ -11,14 +11,14 @@ from contact_locking.solver.interior_point.cones import Pieces, PointCones, Spri
 class HalfLines(PointCones):
     """``x = limit + compliance z - lin(u) >= 0``, ``z >= 0``, ``x z = 0``, point by point.
 
-    What is seen is a scalar (k,), and the reaction is z.  ``limit`` (k,) is its largest value.
+    ``lin(u)`` is a scalar (k,) with the largest value ``limit`` (k,), and z is the reaction.
     """
 
     limit: FloatArray
     compliance: float
     stiffness: FloatArray
     _yielding: float
-    _wanted: FloatArray
+    _missing: FloatArray
     _gap: FloatArray
 
     def reactions_of(self, z: FloatArray) -> FloatArray:
@@ -60,9 +60,9 @@ class HalfLines(PointCones):
         return self.stiffness
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
-        self._wanted = target * self.scale - self.x * self.z
+        self._missing = target * self.scale - self.x * self.z
         if correction is not None:
-            self._wanted -= correction
+            self._missing -= correction
         return self.z + self._dual_step(self._gap)
 
     def step(self, seen: FloatArray) -> Step:
@@ -70,7 +70,7 @@ class HalfLines(PointCones):
         return Step(self._yielding * dz - seen + self._gap, dz)
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
-        return (self._wanted - self.z * d_rest) / (self.x + self._yielding * self.z)
+        return (self._missing - self.z * d_rest) / (self.x + self._yielding * self.z)
 
     def correction(self, step: Step) -> FloatArray:
         return step.primal * step.dual
@@ -88,7 +88,7 @@ class HalfLines(PointCones):
     # The derivative by the data.
 
     def move(self, gap: FloatArray) -> None:
-        self._gap, self._wanted = gap, np.zeros_like(self.z)
+        self._gap, self._missing = gap, np.zeros_like(self.z)
 
     def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
         return -reactions
@@ -97,7 +97,7 @@ class HalfLines(PointCones):
         product *= self.scale
         opening, double = self.limit - self.seen, 2.0 * self.compliance
         root = np.sqrt(opening**2 + 2.0 * double * product)
-        # Of two formulae for each root the one without cancellation.
+        # Each root by the formula without cancellation.
         self.z = np.where(
             opening > 0.0, 2.0 * product / (root + opening), (root - opening) / double
         )
@@ -109,7 +109,7 @@ class HalfLines(PointCones):
         return float(self.z.max(initial=0.0))
 
     def holding(self, stiffness: float, largest: float) -> FloatArray:
-        """Springs in proportion to the multipliers, so that small forces leave these positive."""
+        """Springs proportional to the multipliers, which small forces then leave positive."""
         return np.asarray(self.z * (stiffness / largest if largest > 0.0 else 0.0))
 
     def resistance(self, reactions: FloatArray) -> float:
@@ -122,8 +122,7 @@ class HalfLines(PointCones):
 class HalfLinePieces(Pieces[HalfLines]):
     """``y = max(0, y + c (lin(u) - limit))/(1 + c compliance)``."""
 
-    #: A stiffness (>= 0) of open points, which keeps the tangent regular where only open contact
-    #: could stop a rigid motion.
+    #: A stiffness of open points, which keeps the tangent regular if only contact stops a motion.
     floor: float = 0.0
 
     def linearise(self) -> None:
@@ -134,8 +133,8 @@ class HalfLinePieces(Pieces[HalfLines]):
 
     def evaluate(self) -> None:
         share = 1.0 + self.c * self.cone.compliance
-        left = np.maximum(self._shifted(), 0.0) / share - self.y
-        self.rest = np.where(self._active, share * left / (self.c * self._yielding), left)
+        residual = np.maximum(self._shifted(), 0.0) / share - self.y
+        self.rest = np.where(self._active, share * residual / (self.c * self._yielding), residual)
 
     def _shifted(self) -> FloatArray:
         return np.asarray(self.y + self.c * (self.cone.seen - self.cone.limit))

@@ -42,10 +42,11 @@ _CONES: dict[type[StrainSet], type[LockingCones | StrainHalfLines]] = {
 
 @dataclass(frozen=True)
 class Families:
-    """All families of a system, and what ties friction to the pressure of its contact.
+    """All families of a system; :func:`families_of` makes them, also those of a new kind.
 
-    A family of cones of another kind is one more entry of the list that :func:`families_of` makes.
-    ``strains`` has the operator of each set of strains that limits a point.
+    - ``every``: all families
+    - ``bounds``: the friction bounds, which tie friction to the pressure of a contact
+    - ``strains``: the operator of each set of strains that limits a point
     """
 
     every: list[Family]
@@ -64,24 +65,24 @@ def families_of(
     least_bound: float,
     share: float = 1.0,
 ) -> Families:
-    """A family for each set of strains, and contact and friction for each part of Gamma_C.
+    """One family for each set of strains, and for contact and friction on each part of Gamma_C.
 
-    A set without a limit anywhere has no family: its forms take as long as some tangents.
-    Without friction on a part there is no family for it, and there is none at all for the contact
-    of a tool without a force, which does not touch the body.  ``least_bound`` is the share of the
-    largest friction bound that no bound is smaller than, and ``share`` that of friction that acts.
-    Collective.
+    There is none for a set without a limit anywhere, for friction without friction, and for a
+    pushed foundation without a force, which does not touch the body.  Collective.
+
+    - ``least_bound``: the least friction bound over the largest
+    - ``share``: the share of the friction coefficient that acts
     """
     penalty = target.penalty
     data, space = system.data, system.u.function_space
     strains: list[StrainOperator] = []
     families: list[Family] = []
-    for number, item in enumerate(data.sets):
-        if not on_any_rank(system.comm, item.inverse_limit.x.array > 0.0):
+    for number, law in enumerate(data.sets):
+        if not on_any_rank(system.comm, law.inverse_limit.x.array > 0.0):
             continue
-        strains.append(StrainOperator(space, data, item, system.kept))
-        made = next(cones for law, cones in _CONES.items() if isinstance(item, law))
-        families.append(made(strains[-1], penalty.compliance, number))
+        strains.append(StrainOperator(space, data, law, system.kept))
+        cones = next(cones for kind, cones in _CONES.items() if isinstance(law, kind))
+        families.append(cones(strains[-1], penalty.compliance, number))
     bounds = []
     resting = [tool.contact for tool in system.tools if not tool.acts]
     for number, contact in enumerate(system.contacts):
@@ -99,10 +100,10 @@ def families_of(
 
 
 class Iterate:
-    """The system's displacement, and the points of the families that take part, together.
+    """The system's displacement, and the points and multipliers of all active families.
 
-    Products on Gamma_C are per area; means and targets are per volume, so that the scale of the
-    family goes between.
+    Targets and means of products are per volume; families convert them by their scale.  Methods
+    are collective.
     """
 
     def __init__(self, tangent: Tangent, band: tuple[float, float]) -> None:
@@ -113,45 +114,44 @@ class Iterate:
 
     @property
     def is_finite(self) -> bool:
-        """Whether no point and no multiplier has lost its digits; collective."""
-        digits = [values for family in self.families for values in (family.x, family.z)]
-        return on_every_rank(self.comm, all(bool(np.isfinite(part).all()) for part in digits))
+        """Whether all points and multipliers are finite."""
+        arrays = [values for family in self.families for values in (family.x, family.z)]
+        return on_every_rank(self.comm, all(bool(np.isfinite(each).all()) for each in arrays))
 
     def visit(self) -> None:
-        """Look at the system's displacement: everything below is about it; collective."""
+        """Update forces and families to the system's displacement, for the methods below."""
         self.tangent.visit()
         for family in self.families:
             family.look(self.tangent.present())
 
     def soften(self, softness: float) -> None:
-        """Let steps have the compliance ``softness`` at least, a strain over a stress."""
+        """Let steps have at least the compliance ``softness``, a strain over a stress."""
         for family in self.families:
             family.softness = softness * family.scale
 
     def linearise(self) -> None:
-        """Assemble the tangent of the point visited last; collective."""
+        """Assemble the tangent at the present iterate."""
         self.cones.linearise()
         self.tangent.refresh()
 
     def direction(
         self, target: float, accuracy: float, corrections: FloatArray | None = None
     ) -> Direction:
-        """The steps of displacement and families towards products of ``target``; collective."""
+        """The steps of displacement and families towards products of ``target``."""
         aims = self.aims(target, corrections)
         return self._direction_of(self.tangent.solve_step(aims, accuracy))
 
     def direction_with(
         self, displacement: FloatArray, target: float, corrections: FloatArray | None
     ) -> Direction:
-        """The steps of the families with a known step of the displacement; collective."""
+        """The steps of the families for a known step of the displacement."""
         self.aims(target, corrections)
         return self._direction_of(displacement)
 
     def balanced(self, direction: Direction, t: float, accuracy: float) -> Direction:
-        """The direction changed so that a step of length t balances the forces; collective.
+        """The direction changed so that a step of length t balances the forces.
 
-        Forces are linear in displacement and multipliers, and products change in second
-        order only.
+        Forces are linear in displacement and multipliers; products change in second order.
         """
         at_rest = self._direction_of(self.tangent.nothing())
         steps = zip(self.families, self.cones.steps(direction.step), strict=True)
@@ -163,47 +163,47 @@ class Iterate:
         return direction.plus(self._direction_of(du).plus(at_rest, -1.0), 1.0 / t)
 
     def aims(self, target: float, corrections: FloatArray | None) -> list[Reaction]:
-        """The reactions that steps towards products of ``target`` lead to if nothing moves."""
+        """The reactions after a step towards products of ``target``, for du = 0."""
         aims = self.cones.of_seen(self.cones.aim(target, corrections))
         return [Reaction(*pair) for pair in zip(self.families, aims, strict=True)]
 
     def _direction_of(self, du: FloatArray) -> Direction:
-        """The steps of the families with a step of the displacement, towards what they aim at."""
+        """The steps of the families for a step du, towards their targets."""
         seen = joined(family.see(du) for family in self.families)
         return Direction(du, self.cones.step(seen), self.cones)
 
     def recentring(self, reach: float, direction: Direction, target: float) -> FloatArray:
-        """The corrections that lead products after a step of ``reach`` nearer to ``target``."""
+        """The corrections that bring products after a step of ``reach`` near to ``target``."""
         band = self._band[0] * target, self._band[1] * target
         return -self.cones.recentring(reach, direction.step, band)
 
     def longest_step(self, direction: Direction) -> float:
-        """How far a direction leads before a cone ends; collective."""
+        """The largest step length for which all points stay in their cones."""
         return minimum(self.comm, self.cones.longest_step(direction.step))
 
     def longest_step_of_most(self, direction: Direction, share: float) -> float:
-        """How far a direction leads, 1 at most, before a larger share of cones ends; collective."""
+        """The largest step length up to 1 for which at most this share of points leave cones."""
         speeds = self.cones.speeds(direction.step)
         few = int(share * self.comm.allreduce(len(speeds)))
         return 1.0 / exceeded_by_few(self.comm, speeds, few, 1.0)
 
     def advance(self, t: float, direction: Direction) -> None:
-        """Take a step of length t; collective."""
+        """Take a step of length t."""
         self.tangent.move(t, direction.displacement)
         self.cones.advance(t, direction.step)
 
     def total_product(self) -> float:
-        """The duality gap: all complementarity products, integrated; collective."""
+        """The duality gap: all complementarity products, integrated."""
         return self._measure * self.mean_product()
 
     def least_product(self) -> float:
-        """The duality gap of products that are told from rounding in all cones; collective."""
+        """The duality gap of products that are as small as rounding in the friction cones."""
         rubbing = [family for family in self.families if isinstance(family, FrictionCones)]
         least = max((family.least_product() for family in rubbing), default=0.0)
         return self._measure * maximum(self.comm, least)
 
     def mean_product(self, t: float = 0.0, direction: Direction | None = None) -> float:
-        """The mean over all cones after a step of length t; collective."""
+        """The mean product over all cones after a step of length t."""
         local = self.cones.total(t, None if direction is None else direction.step)
         return float(self.comm.allreduce(local)) / self._measure
 
@@ -212,31 +212,31 @@ class Iterate:
         return [family for family in self.families if isinstance(family, LimitsOfStrain)]
 
     def body_work(self) -> float:
-        """``|int Z : eps(u)|`` at the displacement visited last; collective."""
-        local = sum(item.power(item.reactions, item.seen) for item in self.limits_of_strain)
+        """``|int Z : eps(u)|``."""
+        local = sum(family.power(family.reactions, family.seen) for family in self.limits_of_strain)
         return abs(float(self.comm.allreduce(local)))
 
     def primal_residual(self, deformation: float) -> float:
-        """How far points are from their laws, relative, lengths to ``deformation``; collective."""
+        """The largest relative primal gap, of lengths relative to ``deformation``."""
         return max(family.primal_residual(deformation) for family in self.families)
 
     def equilibrium_residual(self, scale: float, tolerance: float) -> float:
-        """The unbalanced forces relative to ``scale``; collective.
+        """The unbalanced forces relative to ``scale``.
 
         A force below the rounding in the reactions counts as within the tolerance: a strain
-        beyond its limit makes these large beside loads and elastic forces.
+        beyond its limit makes reactions large compared with loads and elastic forces.
         """
         reactions = Reaction.of(self.families)
-        left, reaction = self.tangent.residual_norms(reactions)
-        # Nothing is left where there are no forces at all.
-        relative = left / max(scale, ROUNDING * reaction / tolerance) if left > 0.0 else 0.0
+        unbalanced, held = self.tangent.residual_norms(reactions)
+        # Without any forces the scale may be 0.
+        relative = unbalanced / max(scale, ROUNDING * held / tolerance) if unbalanced > 0.0 else 0.0
         return max(relative, self.tangent.tool_residual(reactions))
 
     def largest_multiplier(self) -> float:
-        """The largest multiplier of a limit on the displacement; collective."""
+        """The largest multiplier of a limit on the displacement."""
         return maximum(self.comm, self.cones.largest_multiplier())
 
     def describe_excess(self) -> str:
-        """Which limit the displacement visited last exceeds, and where; collective."""
+        """Which limit the displacement exceeds, and where, in words."""
         reasons = [family.describe_excess() for family in self.limits_of_strain]
         return next(filter(None, reasons), "the foundation is in the way")

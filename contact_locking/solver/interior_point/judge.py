@@ -1,4 +1,4 @@
-"""Judges an iterate by the scales of its problem."""
+"""The measures of convergence of an iterate, relative to the scales of its problem."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ class Measures:
     friction: float
 
     def __str__(self) -> str:
-        told = f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
-        told += f"duality gap {self.gap:.1e}"
-        # Without friction, and where friction holds everything, no bound moves.
-        return f"{told}, friction bound {self.friction:.1e}" if self.friction > 0.0 else told
+        text = f"equilibrium {self.equilibrium:.1e}, laws {self.primal:.1e}, "
+        text += f"duality gap {self.gap:.1e}"
+        # Without friction there is no bound to report.
+        return f"{text}, friction bound {self.friction:.1e}" if self.friction > 0.0 else text
 
     def worst(self) -> float:
         return max(self.equilibrium, self.primal, self.gap, self.friction)
@@ -50,9 +50,8 @@ class Measures:
 class Judge:
     """Measures equilibrium, laws, duality gap and friction bounds of the iterates of a solve.
 
-    ``friction_change`` is how far the friction bounds were from ``mu |R p|`` at the last
-    :meth:`compare`, relative.  ``leaves_gap`` says that rounding in the cones excused a duality gap
-    at the last :meth:`measure` that is large beside the energy.
+    - ``friction_change``: the relative distance of the bounds from ``mu |R p|`` at :meth:`compare`
+    - ``leaves_gap``: whether :meth:`measure` accepted a large gap because of rounding in the cones
     """
 
     def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
@@ -61,30 +60,29 @@ class Judge:
         self.leaves_gap = False
 
     def begin(self, strain: float) -> None:
-        """Let no energy and no force be judged by less than a share of those of a strain."""
+        """Set the least scales of energy and force, by the strain at the start."""
         target = self._task.target
         energy = target.ellipticity * strain**2 * target.volume
         self._least_energy = self._tuning.least_energy * energy
         self.least_force = self._least_energy / ((strain or 1.0) * target.length)
 
     def measure(self, iterate: Iterate) -> Measures:
-        """Look at the iterate and judge it; collective."""
+        """Update the iterate and measure it; collective."""
         tangent, target = self._tangent, self._task.target
         iterate.visit()
         tolerance = self._task.settings.tolerance
         strain = self.mean_strain(tolerance)
-        # The gap bounds the square of an error, so that it is the square of the rounding that must
-        # come below the tolerance of it.
-        told = self.mean_strain(math.sqrt(tolerance))
-        energy = 0.5 * target.ellipticity * told**2 * target.volume
+        # The gap bounds the square of an error, so it is compared with the square of the rounding.
+        least_strain = self.mean_strain(math.sqrt(tolerance))
+        energy = 0.5 * target.ellipticity * least_strain**2 * target.volume
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
         scale = max(tangent.force_scale, self.least_force)
-        # Cones whose products are rounding have no inside left.
+        # A gap of products that are only rounding has to be accepted.
         product, energy = iterate.total_product(), max(energy, self._least_energy)
-        large = self._tuning.gap_left * self._tuning.gap_tolerance
+        large = self._tuning.large_gap * self._tuning.gap_tolerance
         self.leaves_gap = product > large * energy
         energy = max(energy, iterate.least_product() / self._tuning.gap_tolerance)
-        # A body that nothing has touched yet is at rest.
+        # Without any energy, as of a body that nothing has touched yet, the gap is 0.
         gap = product / energy if energy > 0.0 else (math.inf if product > 0.0 else 0.0)
         return Measures(
             iterate.equilibrium_residual(scale, tolerance),
@@ -94,20 +92,20 @@ class Judge:
         )
 
     def compare(self, moving: Sequence[MovingBound]) -> tuple[list[FloatArray], list[FloatArray]]:
-        """The bounds ``mu |R p|`` of the pressure, and those of the cones; collective."""
-        contacts = [item.contact for item in moving]
-        wanted = [item.evaluate() for item in moving]
-        used = [values.copy() for values in wanted]
-        for item, values in zip(moving, used, strict=True):
-            item.friction.nodes.scatter(item.friction.bound, values)
-        left = [a - b for a, b in zip(wanted, used, strict=True)]
+        """The bounds ``mu |R p|`` by the law, and those that the cones use; collective."""
+        contacts = [bound.contact for bound in moving]
+        by_law = [bound.evaluate() for bound in moving]
+        used = [values.copy() for values in by_law]
+        for bound, values in zip(moving, used, strict=True):
+            bound.friction.nodes.scatter(bound.friction.bound, values)
+        distances = [a - b for a, b in zip(by_law, used, strict=True)]
         least = self._task.target.least_bound(self.mean_strain(self._task.settings.tolerance))
-        size = max(joint_norm(contacts, wanted), least)
-        self.friction_change = joint_norm(contacts, left) / size if size > 0.0 else 0.0
-        return wanted, used
+        size = max(joint_norm(contacts, by_law), least)
+        self.friction_change = joint_norm(contacts, distances) / size if size > 0.0 else 0.0
+        return by_law, used
 
     def keeps_penalty_law(self, iterate: Iterate) -> bool:
-        """Whether no locking stress is far from that of (23) at the displacement; collective."""
+        """Whether every locking stress is near that of (23) at the displacement; collective."""
         limited, comm, target = iterate.limits_of_strain, iterate.comm, self._task.target
         size = target.ellipticity * self.mean_strain(self._task.settings.tolerance)
         size = max([size, *(maximum(comm, np.abs(f.reactions)) for f in limited)])
@@ -117,6 +115,6 @@ class Judge:
         )
 
     def mean_strain(self, tolerance: float) -> float:
-        """The strain that the iterate is judged by; collective."""
+        """The mean strain of the iterate, at least that of rounding; collective."""
         displacement = self._task.system.largest_displacement()
         return self._task.target.mean_strain(self._tangent.energy, displacement, tolerance)

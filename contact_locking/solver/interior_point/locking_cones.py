@@ -30,14 +30,14 @@ from contact_locking.solver.task import Multipliers
 
 
 class StrainOperator:
-    """``v -> L eps(v)`` at points with weights, and ``y -> int y : L eps(.)`` at these points.
+    """``v -> L eps(v)`` at the k points of this rank that a set of strains limits, and its adjoint.
 
-    L is the linear map of the set of strains ``law``.  Its values and its multipliers are Mandel
-    vectors (m, k), m being ``rows``, or with one row for a scalar L, at the k points of cells of
-    this rank that the set limits.  The points are the degrees of freedom ``dofs`` (k,) of the
-    spaces of strains ``scalars`` and ``tensors``, and lie in the cells ``cells`` (k,).  ``weights``
-    (k,) are the weights of the locking rule at the points, ``dx`` is the measure with this rule,
-    and ``limit`` (k,) is M.  ``kept`` is that of the system.
+    L is the linear map of the set ``law``; values and multipliers are Mandel vectors (m, k), with
+    m = 1 for a scalar L.
+
+    - ``limit``, ``weights``: M and the weights of the locking rule, (k,); ``dx`` is its measure
+    - ``cells``, ``dofs``: (k,) the cells, and the dofs in the spaces ``scalars`` and ``tensors``
+    - ``rows``: m
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class StrainOperator:
 
         form = kept(("strains", law), strains)
         by_cell = petsc.create_matrix(form)
-        # Half of the entries, at least, are zero: a normal strain knows one component only.
+        # At least half of the entries are zero: a normal strain depends on one component only.
         by_cell.setOption(PETSc.Mat.Option.IGNORE_ZERO_ENTRIES, True)
         petsc.assemble_matrix(by_cell, form)
         by_cell.assemble()
@@ -81,7 +81,7 @@ class StrainOperator:
         return ufl.as_vector([measured])
 
     def strains(self, displacement: FloatArray) -> FloatArray:
-        """``L eps`` (m, k) of a displacement (owned values, others are ignored); collective."""
+        """``L eps`` (m, k) of a displacement, of which only the owned values count; collective."""
         self._displacement.array_w[:] = displacement[: self._owned]
         self._matrix.mult(self._displacement, self._integrals)
         return self._integrals.array_r.reshape(self.rows, -1) / self.weights
@@ -110,7 +110,7 @@ class StrainOperator:
         return matrix
 
     def set_tensors(self, function: fem.Function, mandel: FloatArray) -> None:
-        """Give a function of ``tensors`` Mandel vectors (m, k) as values; collective."""
+        """Set the values of a function of ``tensors`` to Mandel vectors (m, k); collective."""
         tensors = function.x.array.reshape(-1, *function.ufl_shape)
         for row, (i, j) in zip(mandel, self._pairs, strict=True):
             tensors[self.dofs, i, j] = tensors[self.dofs, j, i] = row / mandel_factor(i, j)
@@ -123,27 +123,27 @@ class StrainOperator:
         return np.array(rows)
 
     def set_values(self, function: fem.Function, values: FloatArray) -> None:
-        """Give a function of ``scalars`` values (k,); collective."""
+        """Set the values of a function of ``scalars`` at the points (k,); collective."""
         function.x.array[self.dofs] = values
         function.x.scatter_forward()
 
     def describe_excess(self, ratio: FloatArray, what: str) -> str:
-        """Where ``ratio`` (k,), a measure over its limit, is largest, "" below 1; collective."""
-        found: tuple[float, list[float]] = (0.0, [])
+        """Where ``ratio`` (k,), a measure over its limit, is largest; "" below 1.  Collective."""
+        local: tuple[float, list[float]] = (0.0, [])
         if len(ratio):
             worst = int(np.argmax(ratio))
             mesh = self.space.mesh
             cell = self.cells[worst : worst + 1]
             place = dmesh.compute_midpoints(mesh, self.dim, cell)[0, : self.dim]
-            found = float(ratio[worst]), place.tolist()
-        largest, place = max(self.comm.allgather(found))
+            local = float(ratio[worst]), place.tolist()
+        largest, place = max(self.comm.allgather(local))
         if largest <= 1.0:
             return ""
         at = coordinates(place)
         return f"{what} is forced to {largest:.2g} times its limit near ({at})"
 
     def nodes_at(self, points: BoolArray) -> IndexArray:
-        """The owned nodes of the cells of marked points (k,), of all ranks; collective."""
+        """The owned nodes of the cells that have a marked point (k,), on any rank; collective."""
         touched = fem.Function(self.space)
         blocks = self.space.dofmap.list[self.cells[points]]
         touched.x.array.reshape(-1, self.dim)[blocks.reshape(-1)] = 1.0
@@ -157,7 +157,7 @@ class StrainOperator:
             item.destroy()
 
     def _by_component(self, by_cell: PETSc.Mat) -> PETSc.Mat:
-        """The rows of the chosen points, those of one component after those of another."""
+        """The rows of the limited points, ordered by component."""
         starts, columns, values = by_cell.getValuesCSR()
         rows = (np.arange(self.rows)[:, None] + self.rows * self.dofs).reshape(-1)
         counts = np.diff(starts)[rows]
@@ -171,11 +171,11 @@ class StrainOperator:
 
 
 def _limited_points(inverse_limit: fem.Function) -> tuple[IndexArray, IndexArray, FloatArray]:
-    """The owned points with a limit, as degrees of freedom (k,), their cells, and M (k,)."""
+    """The owned points with a limit: their dofs, cells and M, (k,) each."""
     space = inverse_limit.function_space
     topology = space.mesh.topology
     owned = topology.index_map(topology.dim).size_local
-    # The degrees of freedom of the space of strains need not follow the numbers of the cells.
+    # The dofs of the space of strains need not be in the order of the cells.
     by_cell = space.dofmap.list[:owned]
     dofs = by_cell.reshape(-1)
     cells = np.repeat(np.arange(owned, dtype=np.int32), by_cell.shape[1])
@@ -185,14 +185,14 @@ def _limited_points(inverse_limit: fem.Function) -> tuple[IndexArray, IndexArray
 
 
 class LimitsOfStrain(Family):
-    """Cones at the points of ``strains``, the family number ``number`` of the sets of strains.
+    """Cones at the points of ``strains``, for the set of strains with the index ``number``.
 
-    ``limit`` (k,) is M, and ``compliance = 1/(2n)`` is 0 for n = inf.
+    ``limit`` (k,) is M, and ``compliance`` is 1/(2n), which is 0 for n = inf.
     """
 
     limit: FloatArray
 
-    #: Whether the start compares the elastic strain with M: a half space limits one component only.
+    #: Whether the start compares the elastic strain with M; not for limits of one component.
     bounds_norm = True
 
     def __init__(self, strains: StrainOperator, compliance: float, number: int) -> None:
@@ -202,16 +202,16 @@ class LimitsOfStrain(Family):
     @property
     @abstractmethod
     def reach(self) -> FloatArray:
-        """The measure (k,) of the seen strain that M bounds."""
+        """The measure (k,) of the present strain that M bounds."""
 
     @property
     @abstractmethod
     def penalised(self) -> FloatArray:
-        """The reactions that the penalty law (23) gives for the seen strain, for n < inf."""
+        """The reactions by the penalty law (23) at the present strain, for n < inf."""
 
     @abstractmethod
     def tangent_term(self, v: Expr, du: Expr) -> Expr:
-        """``int D lin(du) . lin(v)`` in UFL, with coefficients that belong to this family."""
+        """``int D lin(du) . lin(v)`` in UFL; the coefficients are functions of this family."""
 
     def see(self, displacement: FloatArray) -> FloatArray:
         return self.strains.strains(displacement)
@@ -260,7 +260,7 @@ class LockingCones(LimitsOfStrain, Balls):
     @property
     def penalised(self) -> FloatArray:
         length = norm(self.seen)
-        # The limit is above zero, and a strain need not be.
+        # The limit is positive; the strain may be zero.
         beyond = np.maximum(length - self.limit, 0.0) / np.maximum(length, self.limit)
         return beyond / self.compliance * self.seen
 

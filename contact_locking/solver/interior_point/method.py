@@ -1,29 +1,28 @@
 """A primal-dual interior point method for the contact problem, for any n up to infinity.
 
-For given friction bounds the problem is a second-order cone programme.  Its cones are small and
-many, one per point of a cell and two per node of Gamma_C, so each is eliminated where it stands
-and what is left is an elasticity system in the displacement.  The friction bounds take part in
-every step by Newton's method (:mod:`bound_step`), so that the non-local problem costs few
-back-substitutions more than one with known bounds.
+For known friction bounds the problem is a second-order cone programme with many small cones: one
+for each point of a cell and two for each node of Gamma_C.  Each cone is eliminated locally, which
+leaves an elasticity system for the displacement.  The friction bounds are unknowns of the same
+Newton step (:mod:`bound_step`), so that the non-local problem takes only a few back-substitutions
+more than one with known bounds.
 
-1. Start: the elastic displacement (:mod:`start`).  If it is admissible and rubs nowhere, it is the
-   solution.  Else each family of cones puts its points near the central path around it.
-2. Measure equilibrium, the laws, the duality gap and the friction bound (:mod:`judge`); stop at
-   the tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  Where the
-   pieces of the laws do not finish a penalised solution, go on until each locking stress keeps
-   its law.  Where rounding has unbalanced the forces, or makes the tangent of 3 singular, bound
-   the stiffness of the steps that follow.
+1. Start: compute the elastic displacement (:mod:`start`).  If it is admissible and no contact has
+   friction forces, it is the solution.  Otherwise each family starts near its central path.
+2. Measure equilibrium, laws, duality gap and friction bound (:mod:`judge`).  Stop at the
+   tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  A penalised solution
+   that the pieces of the laws will not finish goes on until each locking stress keeps its law.
+   If rounding unbalances the forces, or makes the tangent of 3 singular, the next steps have a
+   bounded stiffness.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
-4. Predictor: the direction towards products of zero; it foresees the step of the friction bound.
-5. Corrector: the direction towards the products that the predictor makes likely, with its
+4. Predictor: the direction towards products of zero; it predicts the step of the friction bound.
+5. Corrector: the direction towards a target for the products, which the predictor determines, with
    second-order terms (Mehrotra, doi:10.1137/0802028).
-6. Friction bound: its step that agrees with the direction, and the direction with that.
-7. Recentring: while a step is short, correct the products that it would drive out of their band
-   (Gondzio, doi:10.1007/BF00249643); then 6 once more if the bound has been left behind.
-8. Step towards the boundary of the cones; if it may be the last, balance the forces with it.
-9. Follow the friction bound: if the step hardly brought it closer to ``mu |R p|``, set it to that.
-   Go on with 2.
+6. Friction bound: solve for the step of the bound and the direction that agree.
+7. Recentring: while the step is short, correct the products that would leave their band (Gondzio,
+   doi:10.1007/BF00249643); then repeat 6 if direction and bound no longer agree.
+8. Step towards the boundary of the cones; a step that may be the last also balances the forces.
+9. If the step hardly brought the bound closer to ``mu |R p|``, set it to that.  Go on with 2.
 """
 
 from __future__ import annotations
@@ -37,7 +36,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
-from contact_locking.solver.interior_point.active_set import ActiveSet
+from contact_locking.solver.interior_point.active_set import FAILURE, ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.family import Direction, Reaction
 from contact_locking.solver.interior_point.farkas import excluded_factor
@@ -47,15 +46,17 @@ from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import CLOSE, Approach, Tuning
-from contact_locking.solver.linear.ksp import linear_failures
+from contact_locking.solver.ksp import linear_failures
 from contact_locking.solver.task import Multipliers, Outcome, SavedState, Task
 
 
 class InteriorPoint:
-    """Solves from a cold start: a previous case, on the boundary of its cones, is no better.
+    """The method for one task; methods are collective.
 
-    ``bound_moves`` lets the friction bounds follow the pressure; otherwise they stay as they are.
-    ``share`` is that of the friction that acts.
+    It starts cold: a previous solution lies on the boundary of its cones and is no better start.
+
+    - ``bound_moves``: whether friction bounds follow the pressure; if not they stay in force
+    - ``share``: the share of the friction coefficient that acts
     """
 
     def __init__(
@@ -79,11 +80,11 @@ class InteriorPoint:
         self._is_from_saved = False
 
     def solve(self, last: SavedState | None = None, by_pieces_alone: bool = False) -> Outcome:
-        """Iterate to the tolerances; raises NotConverged, the best iterate left in place.
+        """Iterate to the tolerances; if that raises NotConverged the system has the last iterate.
 
-        ``last`` is a solution that may be near, such as that of the step before.
+        ``last`` is a solution that may be near, such as that of the previous step.
         """
-        # A NaN is found where steps and residuals are judged.
+        # The checks of steps and residuals detect NaN.
         with np.errstate(all="ignore"):
             return self._solved(self._iterate_to_the_end(last, by_pieces_alone))
 
@@ -100,55 +101,52 @@ class InteriorPoint:
     def friction_change(self) -> float:
         return self._judge.friction_change
 
-    def finish(self, found: Outcome) -> Outcome:
-        """A solution of the cones to its last digits, by the pieces of the laws; collective.
+    def finish(self, outcome: Outcome) -> Outcome:
+        """The outcome improved to its last digits by the pieces of the laws.
 
-        Cones leave locking stresses, smooth friction and penalised solutions rough.  A solution is
-        as it was where linear solves are iterative, and where that method does not arrive.
+        Locking stresses, smoothed friction and penalised solutions need it.  The outcome stays as
+        it is with an iterative linear solver, and if the pieces do not converge.
         """
-        if self._pieces is not None or found.last is None:
-            return found
+        if self._pieces is not None or outcome.last is None:
+            return outcome
         penalty = self._task.target.penalty
         is_rough = bool(self._families.strains) or self._judge.leaves_gap
         if penalty.is_strict and not is_rough and not any(penalty.regularisations):
-            return found
-        return self._by_pieces(found.last) or found
+            return outcome
+        return self._by_pieces(outcome.last) or outcome
 
     def rescue(self) -> Outcome | None:
-        """The solution that the pieces of the laws lead to from where a solve failed; collective.
-
-        None where they do not arrive.
-        """
+        """The solution by the pieces of the laws from the last iterate, None if they fail."""
         return self._by_pieces(self._last()) if self._iterate.is_finite else None
 
     def _by_pieces(self, last: SavedState) -> Outcome | None:
-        """The solution that the pieces of the laws lead to from an iterate; collective.
+        """The solution by the pieces of the laws from a saved state, None if they fail.
 
-        None where they do not arrive, where linear solves are iterative, and for an elastic body.
+        They need a direct linear solver, and an elastic solution has nothing to improve.
         """
         if self.is_elastic or self._tangent.direct is None:
             return None
         pieces = self._all_pieces()
         with np.errstate(all="ignore"):
-            if not self._take(pieces, pieces.from_last(last)):
+            if not self._accept(pieces, pieces.from_last(last)):
                 return None
         return self._solved(self._gap)
 
     def multipliers(self) -> Multipliers:
-        """The multipliers of the present iterate; collective."""
+        """The multipliers of the present iterate."""
         system = self._task.system
-        found = Multipliers.zero(system)
+        multipliers = Multipliers.zero(system)
         if not self.is_elastic:
             for family in self._iterate.families:
-                family.write(found, self._task.target.young)
-            found.add_up(system.data)
-        return found
+                family.write(multipliers, self._task.target.young)
+            multipliers.add_up(system.data)
+        return multipliers
 
     def linearised_bounds(self) -> list[BoundLaw]:
-        """The laws of all friction bounds, linearised with the tangent at the end of a solve.
+        """The laws of all friction bounds, linearised at the solution together with the tangent.
 
-        The bounds do not move with the displacement, so that :meth:`respond` is the response of
-        Tresca's problem.  Empty where nothing touches.  Collective.
+        The tangent is that of known bounds, so that :meth:`respond` is the response of Tresca's
+        problem.  Empty if nothing touches.
         """
         bounds = [bound for bound in self._families.bounds if bound.friction.takes_part]
         if self.is_elastic or not bounds:
@@ -162,15 +160,15 @@ class InteriorPoint:
         return [BoundLaw(bound, 1.0) for bound in bounds]
 
     def respond(self, reactions: Sequence[Reaction]) -> FloatArray:
-        """The displacement that answers reactions, by the tangent linearised last; collective.
+        """The displacement that reactions cause, by the last tangent.
 
-        Raises NotConverged where rounding makes that tangent singular.
+        Raises NotConverged if rounding makes that tangent singular.
         """
         with linear_failures():
             return self._tangent.respond(reactions, self._task.settings.tolerance)
 
     def state_of(self, saved: SavedState | None) -> SavedState | None:
-        """A saved state with cones, of its multipliers if need be; None without; collective."""
+        """``saved`` with its cones, computed from its multipliers if need be; None without both."""
         if saved is None or saved.cones:
             return saved
         if saved.multipliers is None:
@@ -182,7 +180,7 @@ class InteriorPoint:
                 family.z = family.read(saved.multipliers)
             for bound in families.bounds:
                 bound.friction.z[0] = bound.friction.nodes.of_all(bound.evaluate())
-        # Where nodes have slid is not saved.
+        # Multipliers do not say which nodes have slid.
         pairs = tuple((np.zeros_like(family.x), family.z) for family in families.every)
         return replace(saved, cones=pairs)
 
@@ -198,7 +196,7 @@ class InteriorPoint:
         return SavedState(system.u.x.array.copy(), system.tools.travels, penalty, cones)
 
     def require_feasible(self) -> None:
-        """Raise Infeasible if the multipliers prove that nothing is admissible; collective."""
+        """Raise Infeasible if the multipliers prove that nothing is admissible."""
         factor = excluded_factor(self._iterate, self._task.target)
         if factor is not None:
             raise Infeasible(
@@ -212,58 +210,58 @@ class InteriorPoint:
         self._families.destroy()
 
     def _iterate_to_the_end(self, last: SavedState | None, by_pieces_alone: bool) -> float:
-        """Iterate to the tolerances; the duality gap."""
+        """Iterate to the tolerances, and return the duality gap."""
         task, settings = self._task, self._task.settings
         self._judge.friction_change, self._first = 0.0, None
-        self._left = self._stiffest = math.inf
+        self._expected = self._stiffest = math.inf
         self._crawled, self._gap = 0, 0.0
         self._pieces, self._is_from_saved, self.is_elastic = None, False, False
         try:
             with linear_failures():
-                is_found = self._start(last, by_pieces_alone)
+                is_solved = self._start(last, by_pieces_alone)
         finally:
             task.counts.linear += self._tangent.pop_iterations()
         if self.is_elastic:
             unbalanced = self._tangent.residual_norms([])[0]
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
-        if self.is_elastic or is_found:
+        if self.is_elastic or is_solved:
             return self._gap
         limit, tuning, target = settings.max_iterations, self._tuning, task.target
-        # Where linear solves are direct, the pieces of the laws give locking stresses their law.
+        # With a direct linear solver the pieces of the laws give locking stresses their law.
         has_digits = target.penalty.n <= tuning.stiffest_law * target.stiffness
-        has_law = has_digits and bool(self._families.strains) and self._tangent.direct is None
-        steps_left = tuning.steps_for_law if has_law else 0
+        aims_at_law = has_digits and bool(self._families.strains) and self._tangent.direct is None
+        steps_for_law = tuning.steps_for_law if aims_at_law else 0
         best, stays, is_soft = math.inf, 0, target.penalty.is_soft
         patience = tuning.patience_with_penalties if is_soft else tuning.patience
-        can_rest = self.bound_moves and not task.system.tools.act
+        may_rest = self.bound_moves and not task.system.tools.act
         for iteration in range(limit + 1):
             measures = self._judge.measure(self._iterate)
             task.monitor.iteration(iteration, measures.worst())
             if not np.isfinite(measures.equilibrium + measures.gap):
-                raise NotConverged("the interior point iteration lost its digits")
-            if can_rest and rests(task, self._tangent):
+                raise NotConverged("the residual of the interior point iteration is not finite")
+            if may_rest and rests(task, self._tangent):
                 self.is_elastic, self._judge.friction_change = True, 0.0
                 task.system.remove_friction()
                 return 0.0
             reached = measures.reached(settings, tuning.gap_tolerance)
-            is_last = steps_left == 0 or iteration == limit
+            is_last = steps_for_law == 0 or iteration == limit
             if reached and (is_last or self._judge.keeps_penalty_law(self._iterate)):
                 break
             if reached:
-                steps_left -= 1
+                steps_for_law -= 1
                 self._search.aim_at_law()
             self._stop_if_infeasible(measures)
             if measures.worst() <= tuning.nearer * best:
                 best, stays = measures.worst(), 0
-            # Steps along which the forces of the body are not linear are shorter.
+            # An energy of the user's may shorten steps, so that they do not count here.
             stays += self._tangent.is_linear
             if stays > patience:
                 if not is_soft:
                     self.require_feasible()
                 raise NotConverged(
-                    f"{patience} interior point iterations led no nearer ({measures})"
+                    f"{patience} interior point iterations made no progress ({measures})"
                 )
-            unbalanced = max(settings.tolerance, tuning.rounded * self._left)
+            unbalanced = max(settings.tolerance, tuning.rounded * self._expected)
             if self._tangent.direct is not None and measures.equilibrium > unbalanced:
                 self._bound_stiffness()
             if iteration == limit:
@@ -272,12 +270,12 @@ class InteriorPoint:
                     f"{limit} interior point iterations did not suffice ({measures})"
                 )
             try:
-                leads_on = self._step(measures)
+                has_moved = self._step(measures)
             except NotConverged:
                 if not reached:
                     raise
-                leads_on = False
-            if leads_on:
+                has_moved = False
+            if has_moved:
                 continue
             if reached:
                 break
@@ -288,22 +286,22 @@ class InteriorPoint:
     # 1. The start.
 
     def _start(self, last: SavedState | None, by_pieces_alone: bool) -> bool:
-        """Start around the elastic displacement; True if the pieces of the laws solve before."""
+        """Start near the elastic displacement; True if the pieces of the laws already solve."""
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
         pieces = self._pieces_of_laws(last is not None, by_pieces_alone)
         if pieces is not None and last is not None and pieces.knows(last):
-            self._is_from_saved = self._take(pieces, pieces.from_last(last))
+            self._is_from_saved = self._accept(pieces, pieces.from_last(last))
             if self._is_from_saved:
                 return True
         if by_pieces_alone:
-            raise NotConverged("the pieces of the laws are too far away")
+            raise NotConverged(FAILURE)
         if last is not None:
             pieces = None
         elastic = ElasticStart(task, tangent, tuning)
         task.counts.tangents += 1
         is_admissible = elastic.solve()
-        # A bound that stands still holds what it holds without any pressure, too.
+        # A fixed friction bound acts even without any pressure.
         self.is_elastic = is_admissible and (
             self.bound_moves or all(bound.is_zero() for bound in bounds)
         )
@@ -311,7 +309,7 @@ class InteriorPoint:
         if self.is_elastic:
             task.system.remove_friction()
             return False
-        if pieces is not None and self._take(pieces, pieces.from_elastic()):
+        if pieces is not None and self._accept(pieces, pieces.from_elastic()):
             return True
         opening = tuning.opening(self._approach, elastic.overstrain())
         least = opening * elastic.retreat() * target.length
@@ -321,7 +319,7 @@ class InteriorPoint:
         for bound in bounds:
             bound.start(self.bound_moves, least)
             if not (bound.friction.takes_part or task.system.held_by_friction):
-                # The springs of the elastic start hold a body that nothing else holds.
+                # Remove the springs of the elastic start, unless only they hold the body.
                 bound.friction.hold(0.0)
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
@@ -330,20 +328,20 @@ class InteriorPoint:
         self._search = Search(self._iterate, self._moving, tuning, settings, foresees)
         return False
 
-    def _pieces_of_laws(self, goes_on: bool, must: bool) -> ActiveSet | None:
-        """The method that is tried before; None where it is no use.
+    def _pieces_of_laws(self, has_saved: bool, is_required: bool) -> ActiveSet | None:
+        """Newton's method on the pieces of the laws, None where it would not help.
 
-        Where bounds follow the slip as well, it takes more tangents.  Bounds that do not move must
-        be positive, and it must go on from a solution.
+        A coefficient that depends on the slip makes it slower.  Fixed bounds must be positive, and
+        then it also needs a saved solution.
         """
         bounds = self._families.bounds
         if self.bound_moves:
             laws = [bound.law for bound in bounds]
             suits = all(law.is_coulomb and not law.depends_on_slip for law in laws)
         else:
-            suits = goes_on and not any([bound.is_zero() for bound in bounds])
+            suits = has_saved and not any([bound.is_zero() for bound in bounds])
         suits = suits and bool(self._families.every) and self._approach == CLOSE
-        if self._tangent.direct is None or not (suits or must):
+        if self._tangent.direct is None or not (suits or is_required):
             return None
         return self._all_pieces()
 
@@ -353,16 +351,16 @@ class InteriorPoint:
             self._task, self._tangent, bounds, self.bound_moves, self._judge, self._tuning
         )
 
-    def _take(self, pieces: ActiveSet, found: Iterate | None) -> bool:
-        if found is None:
+    def _accept(self, pieces: ActiveSet, iterate: Iterate | None) -> bool:
+        if iterate is None:
             return False
-        self._pieces, self._iterate, self._gap = pieces, found, pieces.gap
+        self._pieces, self._iterate, self._gap = pieces, iterate, pieces.gap
         return True
 
     # 2. The stopping rule.
 
     def _stop_if_infeasible(self, measures: Measures) -> None:
-        """Raise Infeasible if multipliers that grow, while laws stay violated, prove it."""
+        """Raise Infeasible with a proof, tried if multipliers grow and laws stay violated."""
         penalty, tuning = self._task.target.penalty, self._tuning
         if penalty.is_soft:
             return
@@ -376,10 +374,7 @@ class InteriorPoint:
             self.require_feasible()
 
     def _bound_stiffness(self) -> None:
-        """Bound the stiffness of the steps that follow, by less than it was bounded before.
-
-        Rounding in a displacement makes forces in proportion to that stiffness.
-        """
+        """Lower the bound on the stiffness of steps, which the rounding in forces grows with."""
         least, most = self._tuning.stiffest
         self._stiffest = min(max(0.1 * self._stiffest, least), most)
         self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
@@ -387,7 +382,7 @@ class InteriorPoint:
     # 3 to 9. One iteration.
 
     def _step(self, measures: Measures) -> bool:
-        """Take a step; False if there is none that leads anywhere; collective."""
+        """Take a step; False if the step is too short to help."""
         counts, iterate = self._task.counts, self._iterate
         try:
             for bound in self._moving:
@@ -397,20 +392,20 @@ class InteriorPoint:
                 t = self._tangent.trusted(t, direction.displacement)
         finally:
             counts.linear += self._tangent.pop_iterations()
-        # An approach whose friction bounds lead nowhere crawls; another may not.
+        # Many short steps with moving friction bounds end this approach; another one may succeed.
         self._crawled = self._crawled + 1 if self._moving and t < self._tuning.short else 0
         if not t > self._tuning.shortest or self._crawled > self._tuning.short_steps:
             return False
         iterate.advance(t, direction)
-        # A step that leaves the friction bounds where it brought them leaves so much unbalanced.
-        self._left = (1.0 - t) * measures.equilibrium if self._tangent.is_linear else math.inf
+        # The residual that the step should leave, unless the friction bounds are set anew.
+        self._expected = (1.0 - t) * measures.equilibrium if self._tangent.is_linear else math.inf
         if self._moving:
             self._follow(t)
             counts.updates += 1
         return True
 
     def _searched(self, measures: Measures) -> tuple[Direction, float]:
-        """A direction and its length; of softer steps where rounding makes a tangent singular."""
+        """A direction and its length, with softer steps while the tangent is singular."""
         while True:
             try:
                 self._iterate.linearise()
@@ -424,21 +419,21 @@ class InteriorPoint:
                 self._bound_stiffness()
 
     def _follow(self, t: float) -> None:
-        """Note how far a step of length t left the friction bounds from ``mu |R p|``; collective.
+        """Measure how far the friction bounds are from ``mu |R p|`` after a step of length t.
 
-        Where it came hardly closer the bounds are set to that: the linearisation fails where slips
-        stop, start or turn round.
+        If the step hardly brought them closer they are set to that: the linearisation fails where
+        slips start, stop or reverse.
         """
         tuning, moving = self._tuning, self._moving
         before = self._judge.friction_change
-        wanted, used = self._judge.compare(moving)
+        by_law, used = self._judge.compare(moving)
         close_enough = tuning.bound_closer * before
         if t >= tuning.bound_led:
             close_enough = max(close_enough, tuning.bound_close)
         came_closer = self._judge.friction_change <= close_enough
         self._task.system.bounds.set([item.contact for item in moving], used)
         if not (came_closer and self._approach.trusts_newton):
-            self._left = math.inf
-            for item, values in zip(moving, wanted, strict=True):
-                item.set(values)
-                item.friction.set_bound(item.friction.nodes.of_all(values))
+            self._expected = math.inf
+            for bound, values in zip(moving, by_law, strict=True):
+                bound.set(values)
+                bound.friction.set_bound(bound.friction.nodes.of_all(values))

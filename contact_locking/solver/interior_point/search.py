@@ -16,10 +16,9 @@ from contact_locking.solver.settings import Settings
 
 
 class Search:
-    """Finds the steps of an iterate whose tangent is assembled.
+    """The steps 4 to 8 of :mod:`method` for an iterate whose tangent is assembled.
 
-    The numbers are those of the steps of the algorithm in :mod:`method`.  ``foresees`` is that of
-    the approach.
+    ``foresees`` is ``trusts_newton`` of the approach.  Methods are collective.
     """
 
     def __init__(
@@ -38,20 +37,20 @@ class Search:
         self._last_change, self._sharper = math.inf, 1.0
 
     def aim_at_law(self) -> None:
-        """Aim at a gap that is small enough for the penalty law at each point."""
+        """Aim at a gap small enough for the penalty law at each point."""
         self._gap_aim = self._tuning.gap_aim_of_law
 
     def step(self, measures: Measures) -> tuple[Direction, float]:
-        """The step to take and its length; collective."""
+        """The step to take and its length."""
         iterate, tuning = self._iterate, self._tuning
         self._sharpen(measures)
         self._accuracy = self._linear_accuracy(measures)
-        # 4. The predictor, and from its length the products to aim at.
+        # 4. The predictor, whose length determines the target of the products.
         affine = iterate.direction(0.0, self._accuracy)
         t = min(1.0, iterate.longest_step(affine))
         before = iterate.mean_product()
-        # On the smaller meshes, whose tangents are factorised, leaving a few cones behind costs as
-        # many tangents as it saves.
+        # On smaller meshes, with a direct solver, ignoring a few cones costs as many tangents as it
+        # saves.
         factorises = iterate.tangent.direct is not None
         left_behind = tuning.left_behind
         reach = t if factorises else iterate.longest_step_of_most(affine, left_behind)
@@ -89,29 +88,28 @@ class Search:
     def _balanced(
         self, direction: Direction, t: float, measures: Measures
     ) -> tuple[Direction, float]:
-        """The step and its length, its forces balanced if it may be the last; collective.
+        """The step and its length; a step that may be the last also balances the forces.
 
-        Unbalanced forces within the tolerance may be those of bending, whose displacements
-        in a slender body are large beside the forces.
+        Even unbalanced forces within the tolerance may bend a slender body visibly.
         """
-        left = (1.0 - t) * measures.equilibrium
+        residual = (1.0 - t) * measures.equilibrium
         if self._iterate.tangent.direct is None:
-            left += t * self._accuracy
+            residual += t * self._accuracy
         sharpest = self._tuning.linear_sharpest * self._tolerance
-        if not (t > 0.0 and sharpest < left <= self._tolerance):
+        if not (t > 0.0 and sharpest < residual <= self._tolerance):
             return direction, t
         try:
             balanced = self._iterate.balanced(direction, t, min(self._accuracy, sharpest))
         except NotConverged:
-            # An iterative solver removes nothing of what is rounding in large reactions.
+            # An iterative solver cannot reduce the rounding in large reactions.
             return direction, t
         shorter = min(t, self._length(balanced))
-        is_better = (1.0 - shorter / t) * measures.equilibrium < left
+        is_better = (1.0 - shorter / t) * measures.equilibrium < residual
         return (balanced, shorter) if is_better else (direction, t)
 
     @property
     def _solves_jointly(self) -> bool:
-        """Whether one solve finds a step and those of the friction bounds that agree with it."""
+        """Whether one solve gives a step together with those of the friction bounds."""
         return bool(self._bounds) and self._iterate.tangent.solves_following
 
     def _with_bounds(
@@ -121,10 +119,10 @@ class Search:
         corrections: FloatArray,
         present: Direction | None = None,
     ) -> Direction:
-        """The direction, with the steps of the friction bounds that agree with it; collective.
+        """The direction together with the steps of the friction bounds that agree with it.
 
-        ``present`` is the direction with given steps of the bounds, if it is known.  It is
-        the better start of a joint solve where all that is stiff is filtered or projected.
+        ``present`` is the direction for the present steps of the bounds, if known.  A joint solve
+        with a filter or projection also starts better from it.
         """
         if present is None and (self._iterate.tangent.filters or not self._solves_jointly):
             present = self._iterate.direction(target, self._accuracy, corrections)
@@ -133,7 +131,7 @@ class Search:
         return self._adapted(bound_step, present, target, corrections)
 
     def _joint(self, bound_step: BoundStep, target: float, corrections: FloatArray) -> Direction:
-        """The same by one solve; collective."""
+        """As :meth:`_with_bounds`, by one joint solve."""
         iterate, tangent = self._iterate, self._iterate.tangent
         bound_step.stand_still()
         aims = iterate.aims(target, corrections)
@@ -147,9 +145,9 @@ class Search:
     def _longest_towards(
         self, recentred: Direction, direction: Direction
     ) -> tuple[Direction, float, float]:
-        """The direction with the longest step on the way to the recentred one; collective.
+        """The direction between this one and the recentred one that has the longest step.
 
-        Its share of the way, and the length of the step.  Directions are linear in
+        Returns it with its share of the recentring and its length.  Directions are linear in
         corrections.
         """
         best, share, length = recentred, 1.0, self._length(recentred)
@@ -164,11 +162,11 @@ class Search:
     def _adapted(
         self, bound_step: BoundStep, direction: Direction, target: float, corrections: FloatArray
     ) -> Direction:
-        """The same from a direction; collective."""
+        """As :meth:`_with_bounds`, by changing a direction."""
         if not self._bounds or bound_step.agrees(direction):
             return direction
         change = bound_step.adapt(direction)
-        # Responses to the friction bound are rough where an iterative solver finds them.
+        # The responses of an iterative solver are too rough to add up.
         if change is not None and self._iterate.tangent.direct is not None:
             moved = direction.displacement + change
             return self._iterate.direction_with(moved, target, corrections)
@@ -179,23 +177,23 @@ class Search:
         return min(1.0, self._tuning.to_boundary * self._iterate.longest_step(direction))
 
     def _sharpen(self, measures: Measures) -> None:
-        """Ask for sharper linear solves where only these let friction bounds converge."""
+        """Make linear solves sharper if only the friction bounds do not converge."""
         tuning, before = self._tuning, self._last_change
         self._last_change = measures.friction
-        is_left = measures.friction > self._friction_tolerance
+        is_off = measures.friction > self._friction_tolerance
         came_closer = measures.friction <= tuning.bound_closer * before
-        if measures.gap <= tuning.gap_tolerance and is_left and not came_closer:
+        if measures.gap <= tuning.gap_tolerance and is_off and not came_closer:
             self._sharper *= tuning.linear_sharper
 
     def _linear_accuracy(self, measures: Measures) -> float:
-        """A linear solve may leave a share of what the iteration has not yet achieved."""
+        """The residual of linear solves: a share of the present duality gap, within bounds."""
         tuning = self._tuning
         sharpest = tuning.linear_sharpest * self._tolerance
         accuracy = min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
         return self._sharper * accuracy
 
     def _limited(self, centring: float, measures: Measures) -> float:
-        """Keep the products from running ahead of equilibrium, and from vanishing."""
+        """The centring, limited so that products neither fall far below equilibrium nor vanish."""
         tuning = self._tuning
         if measures.gap < tuning.gap_ahead * measures.equilibrium:
             return 1.0

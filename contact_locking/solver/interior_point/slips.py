@@ -1,4 +1,4 @@
-"""The cones of friction under a known bound."""
+"""Friction cones under a friction bound G, and the pieces of their law."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from contact_locking.solver.interior_point.cones import (
 )
 from contact_locking.solver.interior_point.lorentz import Scaling, dot, norm
 
-# The products at the start are at most this multiple of those of contact: a coefficient of a
-# million would put them a million times apart.
+# The largest ratio of the products at the start to those of contact, which otherwise would be as
+# large as the friction coefficient.
 _MOST = 10.0
-# The rounding of a product of three or four entries, as a share of its largest summand.  A larger
-# share leaves a gap that the criteria refuse where a slip is long beside the strain.
+# The rounding of a product of three or four entries over its largest summand.  With a larger one
+# the certificate would refuse the gap of slips that are long beside the strain.
 _ROUNDING = 8.0 * float(np.finfo(float).eps)
-# A regularisation is long above so many times the least opening at the start; products of a smaller
-# share of their summands than the second number start too near the boundary of a cone.
+# A regularisation counts as long above this multiple of the least opening at the start, and then
+# its products start at least at the second number times their summands.
 _LONG, _INSIDE = 100.0, 100.0 * _ROUNDING
-# Nodes whose friction was at least this share of its bound go on to slide in the next step.
+# Nodes with at least this share of the friction bound are assumed to keep sliding in the next step.
 _SLIDES_ON = 1.0 - 1e-4
-# Newton's steps for the slip of one point, and the share of it that is rounding.
+# The most Newton steps for the slip of a point, and their relative tolerance.
 _MOST_STEPS, _ROUNDING_OF_SLIP = 60, 1e-15
-# The halvings of an interval of logarithms, to its rounding.
+# The bisections of an interval of logarithms.
 _BISECTIONS = 60
 
 
 class Slips(LorentzCones):
     """``x = (t, slip, eps)`` in the cone with cost ``G t``; ``z = (G, -y, .)``.
 
-    What is seen is the slip (d, k) along planes with the unit ``normal`` (d, k), and y the
-    reaction, at most G.  The last entry of x is the length ``regularisation`` eps, absent where it
-    is 0.  The bound G (k,) follows outside of the cones: a step du of the slip moves it by
-    ``bound_step + growth (w . du)/w_0``, both (k,), where ``w/w_0`` is near the direction of a
-    slip.
+    ``lin(u)`` is the slip (d, k) along planes with the unit ``normal`` (d, k), and y is the
+    reaction with ``|y| <= G``.  The last entry of x is the length ``regularisation`` eps, and is
+    absent for eps = 0.  The bound G (k,) is updated outside of the cones: a step du of the slip
+    changes it by ``bound_step + growth (w . du)/w_0``, both (k,); ``w/w_0`` approximates the
+    direction of the slip.
     """
 
     normal: FloatArray
@@ -53,7 +53,7 @@ class Slips(LorentzCones):
 
     @property
     def rows(self) -> slice:
-        """The rows of points that belong to the slip."""
+        """The rows of x that are the slip."""
         return slice(1, 1 + len(self.normal))
 
     def reactions_of(self, z: FloatArray) -> FloatArray:
@@ -65,13 +65,13 @@ class Slips(LorentzCones):
         return self.z[0]
 
     def set_bound(self, bound: FloatArray) -> None:
-        """Scale the multipliers to a bound (k,) > 0, which keeps them inside their cones."""
+        """Scale the multipliers to a bound (k,) > 0; they stay inside their cones."""
         self.z *= bound / self.z[0]
 
     # The iterate.
 
     def start(self, level: float, least: float) -> None:
-        """Without a reaction, under a bound of 1 that :meth:`set_bound` replaces."""
+        """Start without a reaction, under a bound of 1 until :meth:`start_under`."""
         self._open(np.full(len(self.weights), max(least, self.regularisation)))
         self.z, self._level = np.zeros_like(self.x), level
         self.z[0] = 1.0
@@ -79,7 +79,7 @@ class Slips(LorentzCones):
     def start_under(self, bound: FloatArray, pressure: FloatArray, least: float) -> None:
         """Start under a bound (k,), with products of at most ten times those of contact."""
         if self.regularisation > _LONG * least:
-            # The bound times a long regularisation would be a product that takes many steps.
+            # The product of the bound and a long regularisation would take many steps to reduce.
             self.z[0], inside = bound, _INSIDE * bound * self.regularisation / self.scale
             self.centre(np.maximum(self._level, inside))
             return
@@ -89,32 +89,32 @@ class Slips(LorentzCones):
 
     def advance(self, t: float, step: Step) -> None:
         super().advance(t, step)
-        # A normal part that rounding leaves in a long step is not small beside a slip that vanishes
-        # later, and the stiffness of sticking makes a force of it.
+        # Rounding in a long step leaves a normal part that may exceed a later, smaller slip, and
+        # the stiffness of sticking turns it into a force.
         self.x, self.z = self.tangential(self.x), self.tangential(self.z)
 
     def tangential(self, values: FloatArray) -> FloatArray:
-        """Points or multipliers with the parts of their vectors along the planes."""
-        found = values.copy()
-        found[self.rows] = along_planes(values[self.rows], self.normal)
-        return found
+        """Points or multipliers, their vectors projected onto the planes."""
+        projected = values.copy()
+        projected[self.rows] = along_planes(values[self.rows], self.normal)
+        return projected
 
     def least_product(self) -> float:
-        """The product per volume that is rounding in a cone."""
-        # In a slip that is long beside the strain of the body, G t is large beside its energy.
+        """The largest product per volume that is only rounding."""
+        # For a slip that is long beside the strain of the body, G t is large beside its energy.
         return _ROUNDING * float(np.max(self.x[0] * self.z[0], initial=0.0)) / self.scale
 
     def _open(self, least: FloatArray) -> None:
-        """Open the cones by ``least`` (k,)."""
-        rest = self._fixed_rows()
-        self.x = np.vstack([np.sqrt(dot(rest, rest) + least**2), rest])
+        """Set the points to the present slip, a distance of ``least`` (k,) inside the cones."""
+        rows = self._fixed_rows()
+        self.x = np.vstack([np.sqrt(dot(rows, rows) + least**2), rows])
 
     def touch(self) -> None:
-        """Put the points at the boundary of their cones, above what was seen."""
+        """Set the points to the present slip, on the boundary of the cones."""
         self._open(np.zeros(len(self.weights)))
 
     def _fixed_rows(self) -> FloatArray:
-        """``(slip, eps)`` as seen."""
+        """``(slip, eps)`` at the present displacement."""
         if self.regularisation == 0.0:
             return self.seen.copy()
         return np.vstack([self.seen, np.full(self.seen.shape[1], self.regularisation)])
@@ -131,16 +131,16 @@ class Slips(LorentzCones):
         square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
         self.b = -2.0 * np.reciprocal((2.0 * w_0**2 - 1.0) * square)
-        # Where all of a foot slips, only the growth holds a body that friction alone holds.
+        # If all of Gamma_C slips, only the growth can hold a body that friction alone holds.
         self.b += 2.0 * self.growth / (2.0 * w_0**2 - 1.0)
         self.w = scaling.w[self.rows]
         self._follows = 2.0 * w_0 / (2.0 * w_0**2 - 1.0) * self.w
         self._grows = self.growth / w_0 * self.w
 
     def set_block(self, a: FloatArray, b: FloatArray, w: FloatArray, follows: FloatArray) -> None:
-        """Put ``D = a I + b w w^T`` in place of the block of the cones, without a growth.
+        """Set the block ``D = a I + b w w^T``, without growth of the bound.
 
-        ``follows`` (d, k) is the change of the reaction with the bound where nothing moves.
+        ``follows`` (d, k) is the derivative of the reaction by the bound for du = 0.
         """
         self.a, self.b, self.w, self._follows = a, b, w, follows
         self._grows = np.zeros_like(w)
@@ -149,11 +149,11 @@ class Slips(LorentzCones):
     def springs(self) -> Springs:
         """Unit tangents and the eigenvalues of D along them, that of w first."""
         along = unit_tangents(self.w, self.normal)
-        found = [(along, self.a + self.b * dot(self.w, self.w))]
+        springs = [(along, self.a + self.b * dot(self.w, self.w))]
         if len(self.normal) == 3:
             across = np.cross(self.normal, along, axis=0).astype(float)
-            found.append((across, self.a))
-        return found
+            springs.append((across, self.a))
+        return springs
 
     @property
     def stiffest(self) -> FloatArray:
@@ -176,14 +176,14 @@ class Slips(LorentzCones):
         """``dz = b - W^-2 dx`` with ``dz_0``, the step of the bound, solved for ``dx_0``."""
         square, w = self._scaling.eta**2, self._scaling.w
         w_0, w_1 = w[0], w[1:]
-        w_rest, left = dot(w_1, d_rest), self._aim[0] - dz_0
+        w_rest, excess = dot(w_1, d_rest), self._aim[0] - dz_0
         share = np.reciprocal(2.0 * w_0**2 - 1.0)
-        d_t = (square * left + 2.0 * w_0 * w_rest) * share
-        # w_0 dx_0 and w_rest cancel out: they are taken together.
+        d_t = (square * excess + 2.0 * w_0 * w_rest) * share
+        # w_0 dx_0 and w_rest nearly cancel, so that their sum is computed.
         dz = np.empty_like(self.z)
         dz[0] = dz_0
         dz[1:] = self._aim[1:] - d_rest / square
-        dz[1:] += (2.0 * share * (w_0 * left + w_rest / square)) * w_1
+        dz[1:] += (2.0 * share * (w_0 * excess + w_rest / square)) * w_1
         return Step(np.vstack([d_t, d_rest]), dz)
 
     # The pieces of the law.
@@ -195,11 +195,11 @@ class Slips(LorentzCones):
     # The bound.
 
     def slip_step(self, step: Step) -> FloatArray:
-        """The part (d, k) of a step that is the slip's."""
+        """The step (d, k) of the slip."""
         return step.primal[self.rows]
 
     def grown(self, slip_step: FloatArray) -> FloatArray:
-        """How far the growth moves the bound (k,) with a step (d, k) of the slip."""
+        """The change of the bound (k,) by its growth with a step (d, k) of the slip."""
         return dot(self._grows, slip_step)
 
     def grown_adjoint(self, bound: FloatArray) -> FloatArray:
@@ -207,17 +207,17 @@ class Slips(LorentzCones):
         return np.asarray(self._grows * bound)
 
     def response(self, bound_step: FloatArray) -> FloatArray:
-        """The change of the reaction (d, k) with the bound where nothing moves."""
+        """The change of the reaction (d, k) with the bound for du = 0."""
         return np.asarray(self._follows * bound_step)
 
     def response_adjoint(self, seen: FloatArray) -> FloatArray:
-        """The adjoint (k,) of :meth:`response` at what was seen (d, k)."""
+        """The adjoint (k,) of :meth:`response` at a slip (d, k)."""
         return dot(self._follows, seen)
 
     # The derivative by the data.
 
     def move(self, gap: FloatArray) -> None:
-        # The stiffness of sticking enlarges a normal part that rounding leaves.
+        # The stiffness of sticking would amplify the rounding along the normal.
         super().move(self.tangential(gap)[1:])
 
     def move_adjoint(self, seen: FloatArray, reactions: FloatArray) -> FloatArray:
@@ -240,7 +240,7 @@ class Slips(LorentzCones):
 class SlipPieces(Pieces[Slips]):
     """``y = G v/max(G, |v|)`` with ``v = y + c s`` for the slip s and ``y = -sigma_tau``.
 
-    The bound G follows the pressure outside of this law (:mod:`bound_step`).
+    The bound G is updated outside of this law (:mod:`bound_step`).
     """
 
     def __init__(self, cone: Slips, stiffness: float, stiffest: float) -> None:
@@ -251,7 +251,7 @@ class SlipPieces(Pieces[Slips]):
         self._turned: BoolArray = np.zeros(len(cone.weights), dtype=bool)
 
     def resume(self, pair: Pair) -> None:
-        # The foundation may have turned since.
+        # The foundation may have rotated since that solution.
         slip, traction = (along_planes(part[self.cone.rows], self.cone.normal) for part in pair)
         self.cone.z = pair[1].copy()
         self.cone.z[self.cone.rows] = traction
@@ -263,15 +263,15 @@ class SlipPieces(Pieces[Slips]):
         cone.bound_step = np.zeros_like(bound)
         v = self._shifted() + self._slipped
         size = norm(v)
-        # A node that would turn round in each step sticks instead.
+        # A node that would reverse its slip in two steps in a row sticks instead.
         turns_again = self._turned & self._turns(v)
         self._turned = np.asarray(self._turns(v) & ~turns_again)
         self._sticks = np.asarray((size <= self._slides_at * bound) | turns_again)
         self._slides_at, self._slipped = 1.0, 0.0
         self._along = v / np.maximum(size, TINY)
         share = np.where(self._sticks, 0.0, bound / np.maximum(size, TINY))
-        self._left = np.maximum(1.0 - share, self.c * self.softness)
-        across = self.c * share / self._left
+        self._across = np.maximum(1.0 - share, self.c * self.softness)
+        across = self.c * share / self._across
         follows = np.where(self._sticks, 0.0, self._along)
         stiffness = np.where(self._sticks, 1.0 / self.softness, across)
         cone.set_block(stiffness, np.where(self._sticks, 0.0, -across), self._along, follows)
@@ -279,13 +279,13 @@ class SlipPieces(Pieces[Slips]):
     def evaluate(self) -> None:
         cone = self.cone
         v = self._shifted()
-        left = v * (cone.bound / np.maximum(np.maximum(cone.bound, norm(v)), TINY)) - self.y
-        along = dot(self._along, left) * self._along
-        sliding = along + (left - along) / self._left
+        residual = v * (cone.bound / np.maximum(np.maximum(cone.bound, norm(v)), TINY)) - self.y
+        along = dot(self._along, residual) * self._along
+        sliding = along + (residual - along) / self._across
         self.rest = np.where(self._sticks, cone.seen / self.softness, sliding)
 
     def _turns(self, v: FloatArray) -> BoolArray:
-        """Where nodes slide against the direction of the last tangent."""
+        """The nodes whose slip has reversed since the last tangent."""
         return np.asarray(dot(self._along, v) < 0.0)
 
     @property
@@ -301,13 +301,13 @@ class SlipPieces(Pieces[Slips]):
         return Step(primal, dual)
 
     def advance(self, step: Step) -> None:
-        # The stiffness of sticking enlarges the rounding along the normal.
+        # The stiffness of sticking amplifies the rounding along the normal.
         self.y = along_planes(self.y - step.dual[self.cone.rows], self.cone.normal)
         self.cone.z[0] += step.dual[0]
         self.update_cones()
 
     def inside_under(self, bound: FloatArray, product: float) -> Pair:
-        """The pair under a bound (k,) > 0: friction and slip move at the same ``v = y + c s``."""
+        """The pair inside the cones under a bound (k,) > 0, with the same ``v = y + c s``."""
         product *= self.cone.scale
         v = self._shifted()
         size = norm(v)
@@ -319,7 +319,7 @@ class SlipPieces(Pieces[Slips]):
         return np.vstack([first, (v - y) / self.c]), np.vstack([bound, -y])
 
     def update_cones(self) -> None:
-        """Keep the friction within its bound, and put the points into the cones."""
+        """Limit the friction to its bound, and write points and multipliers of the cones."""
         cone, bound, v = self.cone, self.cone.bound, self._shifted()
         other = (norm(v) <= bound) != self._sticks
         self.changed = count(other | (self._turns(v) & ~self._sticks))
@@ -331,8 +331,8 @@ class SlipPieces(Pieces[Slips]):
 class SmoothSlipPieces(SlipPieces):
     """``y = G s/sqrt(s^2 + eps^2)`` with the slip s at which ``v = y + c s``, and eps > 0.
 
-    This is the proximal map of ``G sqrt(s^2 + eps^2)`` (22).  It is smooth, and at each y and what
-    was seen it has the slip of the law between both, from which Newton's method takes few steps.
+    This is the proximal map of ``G sqrt(s^2 + eps^2)`` (22).  It is smooth, and its s lies between
+    the present slip and that of the law at y, so that Newton's method takes few steps.
     """
 
     def linearise(self) -> None:
@@ -352,9 +352,9 @@ class SmoothSlipPieces(SlipPieces):
         cone.set_block(across, along - across, self._along, follows)
 
     def evaluate(self) -> None:
-        left = self._law() - self.y
-        along = dot(self._along, left) * self._along
-        self.rest = self._shares[0] * along + self._shares[1] * (left - along)
+        residual = self._law() - self.y
+        along = dot(self._along, residual) * self._along
+        self.rest = self._shares[0] * along + self._shares[1] * (residual - along)
 
     def _law(self) -> FloatArray:
         """``G s/sqrt(s^2 + eps^2)`` (d, k) of v."""
@@ -364,8 +364,8 @@ class SmoothSlipPieces(SlipPieces):
         return np.asarray(size / np.maximum(norm(v), TINY) * v)
 
     def misfit(self) -> tuple[float, float]:
-        cone, left = self.cone, self._law() - self.y
-        return cone.power(left, left), cone.power(cone.bound, cone.bound)
+        cone, residual = self.cone, self._law() - self.y
+        return cone.power(residual, residual), cone.power(cone.bound, cone.bound)
 
     def inside_under(self, bound: FloatArray, product: float) -> Pair:
         cone = self.cone
@@ -382,7 +382,7 @@ class SmoothSlipPieces(SlipPieces):
 def _slip(size: FloatArray, bound: FloatArray, length: float, c: float) -> FloatArray:
     """The s >= 0 with ``G s/sqrt(s^2 + length^2) + c s = size``.
 
-    Newton's method on a concave function goes up from a lower bound of the root.
+    The left-hand side is concave, so that Newton's method rises from a lower bound to the root.
     """
     s = np.maximum(size - bound, size / (bound / (c * length) + 1.0)) / c
     for _ in range(_MOST_STEPS):
@@ -397,7 +397,7 @@ def _slip(size: FloatArray, bound: FloatArray, length: float, c: float) -> Float
 
 def _below_bound(size: FloatArray, product: FloatArray) -> FloatArray:
     """The u in ``(0, 1]`` with ``(1 - u) (1 + product/(u (2 - u))) = size``."""
-    # A sliding node has next to none: its logarithm is bisected.
+    # Bisect log u, because u is tiny at sliding nodes.
     least, most = np.full_like(size, np.log(TINY)), np.zeros_like(size)
     for _ in range(_BISECTIONS):
         middle = 0.5 * (least + most)
@@ -408,15 +408,15 @@ def _below_bound(size: FloatArray, product: FloatArray) -> FloatArray:
 
 
 def along_planes(vectors: FloatArray, normal: FloatArray) -> FloatArray:
-    """The parts of vectors (d, k) along planes with the unit ``normal`` (d, k)."""
-    # Once more, as rounding leaves a normal part that the stiffness of sticking enlarges.
+    """Vectors (d, k) projected onto planes with the unit ``normal`` (d, k)."""
+    # Twice, because the stiffness of sticking amplifies the normal part that rounding leaves.
     for _ in range(2):
         vectors = vectors - dot(vectors, normal) * normal
     return vectors
 
 
 def unit_tangents(vectors: FloatArray, normal: FloatArray) -> FloatArray:
-    """Unit vectors (d, k) along the parts of vectors in the planes, any where these vanish."""
+    """The directions (d, k) of projected vectors, any direction in the plane for zero."""
     tangents = along_planes(vectors, normal)
     none = np.linalg.norm(tangents, axis=0) == 0.0
     axes = np.eye(len(normal))[:, np.argmin(np.abs(normal), axis=0)]

@@ -1,4 +1,4 @@
-"""Where the interior point method starts: elastic displacements, from one factorisation."""
+"""The start of the interior point method: elastic displacements, from one factorisation."""
 
 from __future__ import annotations
 
@@ -16,26 +16,27 @@ from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.task import Task
 
-# A second solve is enough, unless rounding keeps a solve from being as sharp as it should be.
+# A second solve usually suffices; with much rounding a third may help.
 _SHARP_SOLVES = 3
 
 
 class ElasticStart:
-    """The displacement without multipliers, ``a(u, v) = (f, v)``, and a start made of it.
+    """The displacement without multipliers, ``a(u, v) = (f, v)``, and the start that it gives.
 
-    Where contact alone holds a rigid motion, springs take the place of the foundation; where there
-    is friction they act along it, too.  Tools press on the body by such springs.
+    If contact alone stops a rigid motion, springs stand for the foundation, and act along it, too,
+    where there is friction.  Pushed foundations press on the body by such springs.  Methods are
+    collective.
     """
 
     def __init__(self, task: Task, tangent: Tangent, tuning: Tuning) -> None:
         self._task, self._system, self._target = task, task.system, task.target
         self._tangent, self._tolerance, self._tuning = tangent, task.settings.tolerance, tuning
-        #: The strain of the elastic displacement, which others are compared with.
+        #: The mean strain of the elastic displacement.
         self.strain = 0.0
         self._carried, self._springs_hold = 0.0, False
 
     def solve(self) -> bool:
-        """Put the elastic displacement into the system; True if it is the solution; collective."""
+        """Set the system to the elastic displacement; True if that is the solution."""
         tangent, tuning = self._tangent, self._tuning
         self._move_rigidly()
         self._look()
@@ -43,7 +44,7 @@ class ElasticStart:
             self._carried = abs(tangent.load_work())
         push = self._set_springs()
         self._springs_hold = bool(push)
-        # The springs would shake a body without loads by their rounding.
+        # The rounding of the springs would move a body without loads.
         is_at_rest = tangent.tools_rest and tangent.residual_norms([])[0] == 0.0
         if is_at_rest and self._is_admissible(0.0):
             return True
@@ -64,7 +65,7 @@ class ElasticStart:
         return is_solution
 
     def _move_rigidly(self) -> None:
-        """Move the body as the prescribed values do if they only shift and turn it; collective."""
+        """Move the body rigidly if the prescribed values are a rigid motion."""
         u, constraints = self._system.u, self._system.constraints
         motion = prescribed_motion(constraints, u.x.array)
         if motion is not None and motion.any():
@@ -72,10 +73,7 @@ class ElasticStart:
             u.x.array[:] = constraints.free_part(motion) + constraints.held_part(u.x.array)
 
     def _minimise(self, push: list[Reaction]) -> None:
-        """Newton's method on the energy of a body with an energy of the user's; collective.
-
-        Raises NotConverged.
-        """
+        """Newton's method on the energy of a body with a user's own energy; may not converge."""
         tangent, tolerance = self._tangent, self._tolerance
         for number in range(self._task.settings.max_iterations):
             springs = [Reaction(f.family, f.values + f.family.block(f.family.seen)) for f in push]
@@ -91,10 +89,10 @@ class ElasticStart:
             step = tangent.solve_step(springs, tolerance)
             tangent.move(tangent.trusted(1.0, step), step)
             self._look()
-        raise NotConverged("too many Newton steps to the displacement without contact and limits")
+        raise NotConverged("Newton's method without contact and limits took too many steps")
 
     def _sharpen(self) -> None:
-        """Solve until the forces are balanced to the tolerance, from rough solves; collective."""
+        """Refine the displacement until the forces are balanced to the tolerance."""
         tangent, accuracy = self._tangent, self._tuning.start_sharpness * self._tolerance
         for _ in range(_SHARP_SOLVES):
             tangent.move(1.0, tangent.step_after(tangent.nothing(), [], accuracy))
@@ -103,12 +101,12 @@ class ElasticStart:
                 break
 
     def level(self) -> float:
-        """The complementarity products per volume that the multipliers start from; collective.
+        """The complementarity products per volume at the start.
 
         A share of the density of the elastic energy, or of the work of loads that contact
-        carries. Springs spread what contact concentrates at few nodes, whose cells may lock
-        however little the body is strained: there it is the elastic stress times the mean
-        of the limits at least, as multipliers hardly grow faster than their products.
+        carries.  Springs distribute forces that contact concentrates at a few nodes, whose cells
+        may lock at small strains: with springs the level is at least the elastic stress times the
+        mean of the limits, because multipliers hardly grow faster than their products.
         """
         elastic = self._target.ellipticity * self.strain**2
         level = self._tuning.start_level * max(elastic, self._carried / self._target.volume)
@@ -117,7 +115,7 @@ class ElasticStart:
         return level
 
     def overstrain(self) -> float:
-        """The elastic strain over the mean of the limits, 0 where there are none; collective."""
+        """The elastic strain over the mean of the limits, 0 without limits."""
         local = np.zeros(2)
         for family in self._tangent.families:
             if isinstance(family, LimitsOfStrain) and family.bounds_norm:
@@ -126,7 +124,7 @@ class ElasticStart:
         return float(self.strain * volume / total) if volume > 0.0 else 0.0
 
     def retreat(self) -> float:
-        """Take back most of what the loads do; returns the strain of the rest; collective."""
+        """Reduce the displacement by the loads to a small share; returns the strain then."""
         kept = self._tuning.start_load
         self._tangent.move(kept - 1.0, self._loaded)
         if not math.isfinite(self._system.forms.own_energy(self._system.u)):
@@ -140,7 +138,7 @@ class ElasticStart:
             family.look(self._tangent.present())
 
     def _size(self) -> float:
-        """The mean strain, or that which takes back how far the body enters the foundation."""
+        """The mean strain, at least that which would remove the overlap with the foundation."""
         strain = self._target.mean_strain(self._tangent.energy, 0.0, self._tolerance)
         pressing = [f for f in self._tangent.families if isinstance(f, ContactCones)]
         depths = [np.zeros(1), *(family.seen - family.limit for family in pressing)]
@@ -148,7 +146,7 @@ class ElasticStart:
         return max(strain, deepest / self._target.length)
 
     def _set_springs(self) -> list[Reaction]:
-        """Assemble the tangent of the springs; what they do to the body at rest; collective."""
+        """Assemble the tangent with the springs; returns their reactions at u = 0."""
         springs = self._target.ellipticity / self._target.length
         for family in self._tangent.families:
             family.hold(springs if family in self._sprung else 0.0)
@@ -158,21 +156,20 @@ class ElasticStart:
     @property
     def _sprung(self) -> list[OnContact]:
         """The families with springs."""
-        on_contact = [item for item in self._tangent.families if isinstance(item, OnContact)]
+        on_contact = [f for f in self._tangent.families if isinstance(f, OnContact)]
         return [f for f in on_contact if self._system.held_by_contact or f.tool is not None]
 
     def _is_admissible(self, margin: float) -> bool:
-        """Whether all limits are kept, but for a share of them; collective."""
+        """Whether no limit is exceeded by more than the share ``margin``."""
         displacement = self._system.largest_displacement()
         keeps = all(family.is_kept(margin, displacement) for family in self._tangent.families)
         return on_every_rank(self._tangent.comm, keeps)
 
 
 def rests(task: Task, tangent: Tangent) -> bool:
-    """Whether nothing presses the body, and it has no strains but rounding; collective.
+    """Whether no load presses the body and its strains are rounding; collective.
 
-    Then all multipliers are zero, and the scale of the forces of the start is far too large for
-    them.
+    Then all multipliers are zero, for which the scale of forces at the start is far too large.
     """
     target, tolerance = task.target, task.settings.tolerance
     displacement = task.system.largest_displacement()

@@ -1,4 +1,4 @@
-"""The elastic forces, the tangent with all cones eliminated, and the linear solves with it."""
+"""The elastic forces, the tangent with all cones eliminated, and linear solves with it."""
 
 from __future__ import annotations
 
@@ -22,29 +22,28 @@ from contact_locking.solver.interior_point.contact_cones import ContactNodes, On
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear.gmres import Follow
-from contact_locking.solver.linear.ksp import IN_BLOCKS, is_direct, stacked
-from contact_locking.solver.linear.multigrid import CoarserSpace, StiffPart
-from contact_locking.solver.linear.tangent_solver import tangent_solver
+from contact_locking.solver.ksp import IN_BLOCKS, is_direct, stacked
+from contact_locking.solver.multigrid import CoarserSpace, StiffPart
+from contact_locking.solver.tangent_solver import Follow, tangent_solver
 from contact_locking.solver.task import Task
 
 # The most halvings of a step along which the forces of a body are not linear.
 _HALVINGS = 40
-# An iterative solver leaves this share of the column of a travel, and rounding may leave this share
-# of the corner in place of a Schur complement.
+# The accuracy of iterative solves for the columns of the travels, and the least Schur complement
+# over the corner, below which it is rounding.
 _BORDER_ACCURACY, _LEAST = 1e-10, 1e-15
 
 
 class Tangent:
     """``a(du, v)`` plus ``int D lin(du) . lin(v)`` of every family, and the forces it balances.
 
-    Displacements are arrays of owned values, then the travels of the tools, which all ranks have;
-    forces are arrays alike.  Elastic forces are those of the displacement visited last, and those
-    of the springs of tools are those of the travels at that time.
+    Displacements and forces are arrays of owned values followed by one entry for the travel of each
+    tool, the same on all ranks.  Elastic and spring forces are those at the last :meth:`visit`.
+    Methods are collective.
 
-    The travels q border the tangent K: ``K x + B q = r``, ``B^T x + C q = s``.  With ``K Y = B``,
-    solved once for each tangent, ``(C - B^T Y) q = s - B^T x_0`` and ``x = x_0 - Y q`` where
-    ``K x_0 = r``.  A travel without an entry on the diagonal of C is zero.
+    The travels q border the tangent K: ``K x + B q = r``, ``B^T x + C q = s``.  ``K Y = B`` is
+    solved once for each tangent.  Then ``(C - B^T Y) q = s - B^T x_0`` and ``x = x_0 - Y q`` with
+    ``K x_0 = r``.  A travel with a zero on the diagonal of C is zero.
     """
 
     def __init__(self, task: Task, families: Sequence[Family], tuning: Tuning) -> None:
@@ -69,7 +68,7 @@ class Tangent:
             return compiled_elastic if part.equals(elastic) else compiled.form(part)
 
         self._form = JointForm(sum(terms, start=elastic), compile_form)
-        # In blocks products are fast, but a factorisation needs none.
+        # Blocks make products fast, and a factorisation does not need them.
         if self.comm.size == 1 and is_direct(task.settings.linear, system.dim, system.size):
             self.matrix = self._form.create_shared_matrix(list(operators.values()))
         else:
@@ -93,7 +92,7 @@ class Tangent:
         )
 
     def visit(self) -> None:
-        """Evaluate the elastic forces and the energy of the system's displacement; collective."""
+        """Evaluate elastic forces and energy at the system's displacement."""
         system, tools = self.system, self.system.tools
         displacement = self.present()
         displacement[self._owned :] = tools.travels
@@ -110,11 +109,11 @@ class Tangent:
         self._unbalanced = self._stretched - self._load
 
     def load_work(self) -> float:
-        """``(f, u)`` of the system's displacement; collective."""
+        """``(f, u)`` of the system's displacement."""
         return self._dot(self._load, self.present())
 
     def refresh(self) -> None:
-        """Set up linear solves for the present blocks of all families; collective."""
+        """Assemble the tangent with the present blocks of all families."""
         for family in self.families:
             family.write_block()
         if not self.is_linear:
@@ -126,13 +125,13 @@ class Tangent:
         self._step.set(0.0)
 
     def residual_norms(self, reactions: Sequence[Reaction]) -> tuple[float, float]:
-        """The unbalanced forces over free dofs, then those over held ones; collective."""
-        every = self._unbalanced + self.forces(reactions)
-        free = self._free(every)
-        return self._norm(free), self._norm(every - free)
+        """The norms of the unbalanced forces at free dofs, and of those at held dofs."""
+        forces = self._unbalanced + self.forces(reactions)
+        free = self._free(forces)
+        return self._norm(free), self._norm(forces - free)
 
     def tool_residual(self, reactions: Sequence[Reaction]) -> float:
-        """The largest share of its forces that an acting tool leaves unbalanced; collective."""
+        """The largest unbalanced force on an acting tool, relative to its forces."""
         tools = self.system.tools
         if not tools:
             return 0.0
@@ -146,16 +145,16 @@ class Tangent:
 
     @property
     def tools_rest(self) -> bool:
-        """Whether no force or spring presses a tool onto the body, at the displacement visited."""
+        """Whether no force or spring acts on a tool at the present travels."""
         return not self._unbalanced[self._owned :].any()
 
     def solve_step(
         self, reactions: Sequence[Reaction], accuracy: float, is_rough: bool = False
     ) -> FloatArray:
-        """The displacement step that balances these reactions; collective.
+        """The displacement step that balances these reactions.
 
-        An iterative solver leaves a residual of ``accuracy``, relative to the forces, at most, and
-        starts from the step before.
+        ``accuracy`` is the residual of an iterative solver, relative to the forces; it starts from
+        the previous step.
         """
         right = -self._unbalanced - self.forces(reactions)
         return self._solve(right, self._step, accuracy * self.force_scale, is_rough)
@@ -163,19 +162,19 @@ class Tangent:
     def step_after(
         self, step: FloatArray, reactions: Sequence[Reaction], accuracy: float
     ) -> FloatArray:
-        """As :meth:`solve_step`, from rest; the forces are now those after ``step``; collective."""
+        """As :meth:`solve_step` after a step, whose elastic forces are added first."""
         self._unbalanced = self._unbalanced + self.elastic_times(step)
         self._step.set(0.0)
         return self.solve_step(reactions, accuracy, is_rough=True)
 
     @property
     def filters(self) -> bool:
-        """Whether the solver filters or projects what is stiff, at present."""
+        """Whether the preconditioner filters or projects what is stiff, at present."""
         return self._linear.filters
 
     @property
     def solves_following(self) -> bool:
-        """Whether :meth:`solve_following` is there; a tool that presses excludes it."""
+        """Whether :meth:`solve_following` is available: not while a tool presses."""
         return self._linear.solves_following and not self.system.tools.act
 
     def solve_following(
@@ -184,14 +183,13 @@ class Tangent:
         follow: Callable[[FloatArray], Sequence[Reaction]],
         accuracy: float,
     ) -> FloatArray:
-        """The step that balances reactions and those that follow the step itself; collective.
+        """The step that balances reactions and others that depend linearly on the step.
 
-        ``follow`` finds these for a displacement step; they are linear in it.  Accuracy and start
-        are those of :meth:`solve_step`.
+        ``follow`` computes the latter for a displacement step; otherwise as :meth:`solve_step`.
         """
 
         def add_following(x: PETSc.Vec, y: PETSc.Vec) -> None:
-            # Contact multiplies by its stiffness the error of prescribed displacements in a solve.
+            # The stiffness of contact would amplify errors of prescribed displacements.
             free = self.system.constraints.free_part(x.array_r)
             following = self._free(self.forces(follow(self._with_tools_at_rest(free))))
             y.array_w[:] += following[: self._owned]
@@ -202,45 +200,39 @@ class Tangent:
     def elastic_parts(
         self, accuracy: float, reactions: Sequence[Reaction]
     ) -> tuple[FloatArray, FloatArray]:
-        """Steps by prescribed values, with given reactions, and by loads; collective.
-
-        The first balances the elastic forces of the displacement visited last.
-        """
+        """The steps by the elastic forces together with reactions, and by the loads."""
         moved = self.answer(-self._stretched - self.forces(reactions), accuracy)
         return moved, self.answer(self._load, accuracy)
 
     def balance(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
-        """The displacement whose forces are those of the reactions; collective."""
+        """The displacement whose forces are those of the reactions."""
         return self.answer(self.forces(reactions), accuracy)
 
     def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
-        """The displacement that answers a change of reactions; collective."""
+        """The displacement that a change of reactions causes."""
         return self.answer(-self.forces(reactions), accuracy, is_rough=True)
 
     def answer(self, forces: FloatArray, accuracy: float, is_rough: bool = False) -> FloatArray:
-        """The displacement for forces on owned dofs, and along travels behind them; collective.
-
-        An iterative solver leaves the share ``accuracy`` of them.
-        """
+        """The displacement for forces, to the relative ``accuracy`` of an iterative solver."""
         self._answer.set(0.0)
         residual = accuracy * self._norm(self._free(forces))
         return self._solve(forces, self._answer, residual, is_rough)
 
     def left_unbalanced(self) -> float:
-        """The sum of the nodal forces that the last :meth:`balance` leaves; collective."""
+        """The sum of the magnitudes of the nodal forces that the last :meth:`balance` leaves."""
         self._linear.multiply(self._answer, self._moved)
         self._moved.axpy(-1.0, self._right)
         return float(self._moved.norm(PETSc.NormType.NORM_1))
 
     def elastic_times(self, displacement: FloatArray) -> FloatArray:
-        """The elastic forces on owned dofs and travels for a displacement; collective."""
+        """The elastic forces of a displacement, with those of springs on the travels."""
         self._moved.array_w[:] = displacement[: self._owned]
         self.elasticity.mult(self._moved, self._product)
         sprung = self.system.tools.stiffnesses * displacement[self._owned :]
         return np.append(self._product.array_r, sprung)
 
     def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
-        """The forces of reactions on owned dofs, also held ones, and on travels; collective."""
+        """The forces of reactions, at held dofs as well."""
         self._moved.set(0.0)
         on_tools = np.zeros(len(self.system.tools))
         for reaction in reactions:
@@ -260,11 +252,11 @@ class Tangent:
         return self._with_tools_at_rest(self.system.u.x.array[: self._owned])
 
     def trusted(self, t: float, step: FloatArray) -> float:
-        """The length t, halved until the tangent foresees the forces of the body; collective.
+        """The length t, halved until the tangent predicts the forces of the body well enough.
 
-        Along a step s with ``q = s . K s`` the slope of the convex energy of the body may be
-        ``q/2`` above that of the tangent K, or the forces differ by less than the tolerance.  The
-        full step of a body that nothing limits then at least halves the slope.
+        Along a step s with ``q = s . K s`` the slope of the convex energy of the body may exceed
+        that of the tangent K by ``q/2``, or the forces differ by less than the tolerance.  Without
+        constraints the full step then at least halves the slope.
         """
         if self.is_linear:
             return t
@@ -280,7 +272,7 @@ class Tangent:
                 slope, square, distance, size = self.comm.allreduce(local)
                 if square < -most * math.sqrt(size):
                     raise NotConverged("the energy of the body is not convex")
-                # Beyond the strains for which there is an energy it is not a number.
+                # The user's energy may be NaN beyond some strain.
                 exists = math.isfinite(self.system.forms.own_energy(self.system.u))
                 if exists and (slope <= 0.5 * square or math.sqrt(distance) <= most):
                     break
@@ -293,7 +285,7 @@ class Tangent:
         return self.system.forms.body_forces(self.system.u)[: self._owned]
 
     def move(self, t: float, step: FloatArray) -> None:
-        """Add ``t step`` to the system's displacement and to the travels; collective."""
+        """Add ``t step`` to the system's displacement and travels."""
         self.system.u.x.array[: self._owned] += t * step[: self._owned]
         self.system.u.x.scatter_forward()
         tools = self.system.tools
@@ -305,18 +297,18 @@ class Tangent:
         return self._linear.direct
 
     def pop_iterations(self) -> int:
-        """The Krylov iterations since the last call."""
+        """The number of Krylov iterations since the last call."""
         count, self._linear.iterations = self._linear.iterations, 0
         return count
 
     def destroy(self) -> None:
-        """Free the PETSc objects; collective."""
+        """Free the PETSc objects."""
         self._linear.destroy()
         for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
             item.destroy()
 
     def stiff_part(self) -> StiffPart:
-        """What is stiffer than the material by the factors of the tuning; collective."""
+        """The part of the tangent that is stiffer than the material, for the preconditioner."""
         tuning, is_linear = self._tuning, self.system.data.element.degree == 1
         along = tuning.stiff_along if is_linear else tuning.stiff_along_quadratic
 
@@ -339,20 +331,20 @@ class Tangent:
         )
 
     def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
-        """The rows of all families, without the part that is prescribed; collective."""
-        found = [family.stiff_rows(factor, self._material) for family in self.families]
-        rows = stacked([part for part, _ in found])
+        """The stiff rows of all families, without the columns of prescribed displacements."""
+        pairs = [family.stiff_rows(factor, self._material) for family in self.families]
+        rows = stacked([part for part, _ in pairs])
         free, constraints = self.matrix.createVecRight(), self.system.constraints
         free.array_w[:] = constraints.free_dofs()[: self._owned]
         rows.diagonalScale(None, free)
         free.destroy()
         rows = constraints.directions.projected_columns(rows)
-        return rows, np.concatenate([stiffness for _, stiffness in found])
+        return rows, np.concatenate([stiffness for _, stiffness in pairs])
 
     def _stiff_nodes(self, factor: float) -> IndexArray:
-        """The owned nodes with something free that are stiffer than the material; collective."""
-        found = (family.stiff_nodes(factor, self._material) for family in self.families)
-        nodes = functools.reduce(np.union1d, found)
+        """The owned nodes, not fully prescribed, where a family is stiffer than the material."""
+        stiff = (family.stiff_nodes(factor, self._material) for family in self.families)
+        nodes = functools.reduce(np.union1d, stiff)
         is_free = self.system.constraints.free_nodes()
         return nodes[is_free[nodes]].astype(np.int32)
 
@@ -364,7 +356,7 @@ class Tangent:
         self.system.constraints.assemble_matrix(self._form, matrix, touching)
 
     def _refresh_border(self) -> None:
-        """Solve for the response to each travel, and make the Schur complement; collective."""
+        """Solve for the response to each travel, and compute the Schur complement."""
         count = len(self.system.tools)
         self._border, self._responses = np.zeros((2, count, self._owned))
         corner = np.diag(self.system.tools.stiffnesses)
@@ -395,10 +387,10 @@ class Tangent:
         is_rough: bool = False,
         follow: Follow | None = None,
     ) -> FloatArray:
-        """The displacement with the travels for forces, of which held ones do not count.
+        """The displacement with the travels for forces, ignoring those at held dofs.
 
-        ``start``, which it replaces, is the displacement without the travels; an iterative solver
-        leaves ``residual``.
+        ``start`` is the initial guess without the travels, and is overwritten; ``residual`` is that
+        of an iterative solver.
         """
         nodal = self._solve_nodes(forces, start, residual, is_rough, follow)
         if not self.system.tools:
@@ -417,14 +409,14 @@ class Tangent:
         is_rough: bool = False,
         follow: Follow | None = None,
     ) -> FloatArray:
-        """The displacement of nodes whose travels are held."""
+        """The displacement for fixed travels."""
         self._right.array_w[:] = self._free(forces)[: self._owned]
         if self._right.norm() > 0.0 or start.norm() > 0.0:
             self._linear.solve(self._right, start, residual, is_rough, follow)
         return start.array_r
 
     def _free(self, forces: FloatArray) -> FloatArray:
-        """The forces, without those on what is held."""
+        """The forces, with zeros at held dofs."""
         free = self.system.constraints.free_part(forces[: self._owned])
         return np.append(free, forces[self._owned :])
 
@@ -438,16 +430,16 @@ class Tangent:
         return np.append(owned, np.zeros(len(self.system.tools)))
 
     def _energy_of(self, displacement: FloatArray) -> float:
-        """``a(u, u)/2`` of the displacement visited; collective."""
+        """``a(u, u)/2``."""
         energy = 0.5 * self._dot(self._stretched, displacement)
-        # The elastic forces at a body that moves far more than it is strained are small
-        # differences, and the product multiplies their rounding by the whole motion.  The strains
-        # of its cells have far less rounding, but to integrate them takes longer.
+        # If the body moves far more than it is strained, elastic forces are small differences, and
+        # the product multiplies their rounding by the whole motion.  Integrating the strains has
+        # far less rounding but takes longer.
         rounding = ROUNDING * self._stiffest * self._dot(displacement, displacement)
         return energy if energy >= rounding else self.system.energy()
 
     def _coarser_space(self) -> CoarserSpace | None:
-        """The affine displacements, for elements of degree 2; collective."""
+        """The affine displacements, for elements of degree 2."""
         if self.system.data.element.degree < 2:
             return None
         return CoarserSpace(*affine_part(self.system.u.function_space, self.system.constraints))
