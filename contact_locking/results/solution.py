@@ -85,8 +85,7 @@ class Solution:
     state
         all that the next solve may take from this one
     converged, failure, reason, suggestion, warnings
-        whether solver and certificate accept the solution; the code of a failure, with words; and
-        findings
+        whether solver and certificate accept it; code and words of a failure; findings
     certificate, report
         criteria, balances and errors, None where none were made; what the solver has taken
     facts
