@@ -363,7 +363,7 @@ def _mesh(deck: Deck) -> MeshData:
         numbers[place] = number
     cells = _regions(deck, dim, corners[:, list(kind.gmsh_order)])
     points = flat_points(deck.points, numbers, dim)
-    mesh = MeshData(dim, points, numbers, cells)
+    mesh = MeshData(dim, points, numbers, cells, named_elements(kind.facet, {}))
     parts, empty = _parts(deck, CellFacets(mesh))
     findings = []
     if any(block.nodes.shape[1] > kind.corners for block in body):

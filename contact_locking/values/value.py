@@ -284,10 +284,9 @@ def show(value: Any) -> str:
             text = f"{value:g}" if float(f"{value:g}") == value else str(value)
         case list() | tuple():
             text = f"[{', '.join(map(entry, value[:10]))}{', ...' * (len(value) > 10)}]"
-        case dict() if value:
-            text = f"a mapping with the keys {', '.join(map(str, list(value)[:10]))}"
         case dict():
-            text = "an empty mapping"
+            pairs = [f"{key}: {entry(inner)}" for key, inner in list(value.items())[:10]]
+            text = f"{{{', '.join(pairs)}}}"
         case str():
             text = repr(value)
         case _:
