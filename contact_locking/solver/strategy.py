@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from contact_locking.errors import Infeasible, NotConverged
@@ -28,7 +27,8 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     """
     penalty, reasons = task.target.penalty, Reasons(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
-    warnings, attempts = list[Finding](), list(_attempts_of(task))
+    # Without friction all attempts would be the same.
+    warnings, attempts = list[Finding](), list(LADDER if task.system.rubbing else LADDER[:1])
     while not (outcome := _attempt(attempts[0], task, saved)).converged:
         saved = None
         if outcome.failure == LinearFailure.code and _may_factorise(task):
@@ -44,11 +44,6 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     task.system.tools.rest(task.system.u)
     task.monitor.counted(outcome.tangents, outcome.updates)
     return outcome
-
-
-def _attempts_of(task: Task) -> Sequence[Approach]:
-    """The attempts to make; without friction all would be the same."""
-    return LADDER if task.system.rubbing else LADDER[:1]
 
 
 def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcome:
