@@ -34,7 +34,7 @@ from contact_locking.results.derived import (
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
-from contact_locking.solver.explain import Verdict, judge
+from contact_locking.solver.explain import Reasons, Verdict
 from contact_locking.solver.ksp import UserOptions, chosen
 from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
@@ -160,7 +160,7 @@ class ProblemSolver:
 
     def verdict(self) -> Verdict | None:
         """That nothing is admissible for the present data, None without a proof."""
-        return judge(dataclasses.replace(self.task, monitor=Monitor()))
+        return Reasons(dataclasses.replace(self.task, monitor=Monitor())).verdict
 
     def is_unbalanced(self) -> bool:
         """Whether it is proved that no forces of contact and friction balance the loads."""

@@ -156,17 +156,12 @@ class Verdict:
         return f"{self.place}; {share} % of the prescribed displacements are possible on this mesh"
 
 
-def judge(task: Task) -> Verdict | None:
-    """Prove, if possible, that nothing is admissible; None without a proof.  Collective.
+def _judged(task: Task) -> tuple[Verdict | None, float | None]:
+    """The verdict, or the contact force without friction if that problem was solved.
 
     Friction and penalties do not matter here, so the problem is solved without them, unless
     friction alone holds the body.  The system is restored, and the cost is counted.
     """
-    return _judged(task)[0]
-
-
-def _judged(task: Task) -> tuple[Verdict | None, float | None]:
-    """The verdict, or the contact force without friction if that problem was solved."""
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
     rounding = GAP_ROUNDING * task.target.length
