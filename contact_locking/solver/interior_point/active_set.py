@@ -50,6 +50,8 @@ _BOUND_RTOL, _BOUND_ITERATIONS = 1e-8, 60
 _KEEPS_BELOW, _KEPT_GAIN = 1e-2, 0.2
 # A residual above this, relative to the forces, means that the method diverges.
 _FAR = 10.0
+# A limit of the strain is kept but for this share of it.
+_EXCESS = 1e-7
 # One to three steps have to reduce the residual or the number of changed points by this factor.
 _GAIN = 0.5
 _MOST_STEPS = 15
@@ -239,7 +241,7 @@ class ActiveSet:
             task.monitor.iteration(number, measures.worst())
             reached_before = reached
             reached = measures.reached(task.settings, self._tuning.gap_tolerance)
-            if reached and reached_before:
+            if reached and reached_before and self._keeps_limits():
                 if self._rests():
                     raise NotConverged("nothing presses the body to the foundations")
                 self.gap = max(measures.gap, 0.0)
@@ -266,6 +268,12 @@ class ActiveSet:
             is_near = progress[-1].changed == 0 and progress[-1].worst <= _KEEPS_BELOW
             keeps = is_near and kept_well
         raise NotConverged(FAILURE)
+
+    def _keeps_limits(self) -> bool:
+        """Whether no limit of the strain is exceeded where it must not be; collective."""
+        limits = [f for f in self._laws if isinstance(f, LimitsOfStrain) and f.compliance == 0.0]
+        kept = all(family.is_kept(_EXCESS, 0.0) for family in limits)
+        return on_every_rank(self._tangent.comm, kept)
 
     def _misfit(self) -> float:
         """The relative residual of the laws that are smooth."""
