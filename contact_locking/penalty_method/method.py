@@ -180,7 +180,9 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
         way_out = f"{_WAY_OUT}  {BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
-        outcome = Outcome(equations.multipliers(), reason=str(failure), suggestion=way_out)
+        outcome = Outcome(
+            equations.multipliers(), failure=failure.code, reason=str(failure), suggestion=way_out
+        )
     return outcome.with_counts(task.counts, stages)
 
 

@@ -328,7 +328,7 @@ def read(directory: str | Path, problem: DiscreteProblem, is_step: bool = False)
         about["converged"],
         about["time"],
         history,
-        tuple(map(Finding.of, about["halved"])),
+        tuple(Finding(code, key, **numbers) for code, key, numbers in about["halved"]),
         tuple(memories),
         old_displacement,
     )

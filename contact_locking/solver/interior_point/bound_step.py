@@ -254,10 +254,11 @@ class BoundLaw:
         self._contact, self.friction = moving.pressing, moving.friction
         self._nodes, self._smoothing = self.friction.nodes, bound.smoothing
         slips = contact.slips(moving.system.u)
-        mu = moving.share * bound.coefficient(slips)
         pressure = self._nodes.at_all(self._contact.z)
         smoothed = bound.smoothing.apply(pressure)
-        by_law = mu * np.abs(smoothed)
+        # R of quadratic traces may be negative where p >= 0.
+        mu = moving.share * bound.coefficient(slips) * np.where(smoothed < 0.0, -1.0, 1.0)
+        by_law = mu * smoothed
         if not bound.is_coulomb:
             by_law = moving.share * bound.evaluate(pressure, slips)
         self._by_law = self._nodes.of_all(contact.rubbing(by_law))
