@@ -150,7 +150,6 @@ CASES: dict[str, dict[str, Any]] = {
     "without friction": {"coefficient": lambda mu: 0.0},
     "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
 }
-QUICK = ("inequality",)
 
 
 Make = Callable[..., Block]
@@ -170,7 +169,7 @@ def make() -> Iterator[Make]:
         one.problem.close()
 
 
-@pytest.mark.parametrize("case", [name if name in QUICK else slow(name) for name in CASES])
+@pytest.mark.parametrize("case", [name if name == "inequality" else slow(name) for name in CASES])
 def test_derivatives_are_those_of_central_differences(case: str, make: Make) -> None:
     made = make(**CASES[case])
     solution = made.problem.solve()
