@@ -50,8 +50,7 @@ _BOUND_RTOL, _BOUND_ITERATIONS = 1e-8, 60
 _KEEPS_BELOW, _KEPT_GAIN = 1e-2, 0.2
 # A residual above this, relative to the forces, means that the method diverges.
 _FAR = 10.0
-# A limit of the strain is kept but for this share of it.
-_EXCESS = 1e-7
+_EXCESS = 1e-7  # of the strain beyond its limit, as a share of the limit
 # One to three steps have to reduce the residual or the number of changed points by this factor.
 _GAIN = 0.5
 _MOST_STEPS = 15
@@ -272,14 +271,13 @@ class ActiveSet:
     def _keeps_limits(self) -> bool:
         """Whether no limit of the strain is exceeded where it must not be; collective."""
         limits = [f for f in self._laws if isinstance(f, LimitsOfStrain) and f.compliance == 0.0]
-        kept = all(family.is_kept(_EXCESS, 0.0) for family in limits)
-        return on_every_rank(self._tangent.comm, kept)
+        return on_every_rank(self._tangent.comm, all(f.is_kept(_EXCESS, 0.0) for f in limits))
 
     def _misfit(self) -> float:
         """The relative residual of the laws that are smooth."""
-        misfits = np.array([law.misfit() for law in self._laws.values()])
-        squares = self._tangent.comm.allreduce(misfits)
-        return math.sqrt(max((miss / size for miss, size in squares if size > 0.0), default=0.0))
+        local = np.array([law.misfit() for law in self._laws.values()])
+        shares = [a / b for a, b in self._tangent.comm.allreduce(local) if b > 0.0]
+        return math.sqrt(max(shares, default=0.0))
 
     def _rests(self) -> bool:
         """Whether forces are rounding, or contact has none although it has to hold the body."""

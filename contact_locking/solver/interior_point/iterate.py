@@ -110,7 +110,7 @@ class Iterate:
         self.tangent, self.comm, self._band = tangent, tangent.comm, band
         self.families = [family for family in tangent.families if family.takes_part]
         self.cones = Composite(self.families)
-        self._measure = float(self.comm.allreduce(self.cones.measure)) or 1.0
+        self.measure = float(self.comm.allreduce(self.cones.measure)) or 1.0
 
     @property
     def is_finite(self) -> bool:
@@ -192,20 +192,16 @@ class Iterate:
         self.tangent.move(t, direction.displacement)
         self.cones.advance(t, direction.step)
 
-    def total_product(self) -> float:
-        """The duality gap: all complementarity products, integrated."""
-        return self._measure * self.mean_product()
-
     def least_product(self) -> float:
         """The duality gap of products that are as small as rounding in the friction cones."""
         rubbing = [family for family in self.families if isinstance(family, FrictionCones)]
         least = max((family.least_product() for family in rubbing), default=0.0)
-        return self._measure * maximum(self.comm, least)
+        return self.measure * maximum(self.comm, least)
 
     def mean_product(self, t: float = 0.0, direction: Direction | None = None) -> float:
         """The mean product over all cones after a step of length t."""
         local = self.cones.total(t, None if direction is None else direction.step)
-        return float(self.comm.allreduce(local)) / self._measure
+        return float(self.comm.allreduce(local)) / self.measure
 
     @property
     def limits_of_strain(self) -> list[LimitsOfStrain]:

@@ -214,7 +214,7 @@ class Judge:
         energy = max(energy, self._tuning.locking_share * iterate.body_work())
         scale = max(tangent.force_scale, self.least_force)
         # A gap of products that are only rounding has to be accepted.
-        product, energy = iterate.total_product(), max(energy, self._least_energy)
+        product, energy = iterate.measure * iterate.mean_product(), max(energy, self._least_energy)
         large = self._tuning.large_gap * self._tuning.gap_tolerance
         self.leaves_gap = product > large * energy
         energy = max(energy, iterate.least_product() / self._tuning.gap_tolerance)
