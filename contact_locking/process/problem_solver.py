@@ -239,7 +239,7 @@ _WAY_OUT_OF_SLIDING = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
 )
 _WAY_OUT_OF_ENTRY = (
-    "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or take a rounder "
+    "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or use a rounder "
     "foundation."
 )
 _WAY_OUT_OF_COMPLAINTS = (

@@ -190,7 +190,7 @@ def _section_faults(builder: str, geometry: Any) -> Iterator[Fault]:
     place = ("axisymmetric",)
     if geometry.dim != 2:
         section = "builder: disc with quarter: true" if builder == "ball" else "dim: 2"
-        yield Fault(place, f"needs a mesh in two dimensions, the half section; take {section}")
+        yield Fault(place, f"needs a mesh in two dimensions, the half section; use {section}")
     elif getattr(geometry, "quarter", None) is False:
         yield Fault(
             ("quarter",),
