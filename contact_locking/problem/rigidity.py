@@ -45,8 +45,7 @@ class GroupMotions:
     """The f rigid motions of touching parts, and of tools that press on them alone.
 
     - ``parts``: the name of each part with the coefficients (m, .) of its free motions
-    - ``fields``, ``marks``: (g, n) and (n,), the values of these motions at the local dofs, and the
-      dofs of the parts
+    - ``fields``, ``marks``: (g, n) the motions at the local dofs, and (n,) the dofs of the parts
     - ``free``: (m, f) the coefficients of all motions of parts, followed by zeros for each tool
     - ``normals``: (n, f) the normal components at all nodes of Gamma_C, relative to tools
     - ``rubs``: (n,) marks the nodes with friction
