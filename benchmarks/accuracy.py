@@ -24,10 +24,10 @@ from typing import Any
 from mpi4py import MPI
 
 from contact_locking.fem.spaces import P1, P2, Element
-from contact_locking.files.atomic import write_text
+from contact_locking.files import write_text
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests, the distances to the studies.

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import dolfinx
 
-from contact_locking.files.atomic import write_text
+from contact_locking.files import write_text
 
 # The conic solver's form of the reference problem belongs to the tests.
 sys.path += [

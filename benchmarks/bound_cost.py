@@ -22,8 +22,8 @@ from mpi4py import MPI
 
 from contact_locking.certificate.penalty_error import EllipticProblem, Lifting
 from contact_locking.certificate.solved_state import SolvedState
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.energy_bound import guaranteed_error
 

@@ -18,8 +18,8 @@ from stopwatch import Stopwatch
 
 from contact_locking.contact.paired_surface import PairedSurface
 from contact_locking.contact.surface import ContactSurface
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve
-from contact_locking.study.assembly import assemble
 
 # The blocks belong to the tests.
 sys.path.append(str(Path(__file__).resolve().parent.parent / "tests/support"))

@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 import contact_locking as cl
 from contact_locking.mesh.parts import NamedFacets
-from contact_locking.solver.linear.factorised import chosen
+from contact_locking.solver.ksp import chosen
 
 LENGTH, GAP = 200.0, 0.2
 

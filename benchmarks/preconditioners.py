@@ -29,8 +29,8 @@ from petsc4py import PETSc
 from scipy.sparse import diags
 
 from contact_locking.problem.system import near_nullspace
-from contact_locking.solver.linear.ksp import IN_BLOCKS
-from contact_locking.solver.linear.multigrid import FilteredMultigrid, StiffPart
+from contact_locking.solver.ksp import IN_BLOCKS
+from contact_locking.solver.multigrid import FilteredMultigrid, StiffPart
 
 PLACES = ("half", "scattered")
 DIRECTIONS = ("same", "random")

@@ -39,8 +39,8 @@ def main() -> None:
     from problems import block
     from stopwatch import WallClock
 
-    from contact_locking.monitor import Monitor
     from contact_locking.running import solving
+    from contact_locking.solver.monitor import Monitor
 
     def solve(divisions: int, monitor: Monitor) -> Any:
         h = 1.0 / divisions

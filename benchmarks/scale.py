@@ -27,9 +27,9 @@ from typing import Any
 from mpi4py import MPI
 
 from contact_locking.running import solving
-from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.gmres import MultigridTangents
-from contact_locking.solver.linear.multigrid import Filter, FilteredMultigrid, Projection
+from contact_locking.solver.ksp import FILTER_LIMIT
+from contact_locking.solver.multigrid import Filter, FilteredMultigrid, Projection
+from contact_locking.solver.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.

@@ -30,8 +30,8 @@ from mpi4py import MPI
 from contact_locking._version import __version__
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import run as writing
+from contact_locking.running.assembly import assemble, mesh_of
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.study.assembly import assemble, mesh_of
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.view import report
 

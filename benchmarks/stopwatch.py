@@ -7,7 +7,7 @@ import time
 
 from mpi4py import MPI
 
-from contact_locking.monitor import Monitor
+from contact_locking.solver.monitor import Monitor
 
 
 class Stopwatch(Monitor):

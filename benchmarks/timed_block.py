@@ -19,8 +19,8 @@ from contact_locking.problem import forms
 from contact_locking.problem.system import System
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
+from contact_locking.solver.ksp import create_ksp, default_options, destroy_ksp
 from contact_locking.study_file.parameters import Parameters
 
 # The reference problem belongs to the tests.

@@ -20,10 +20,10 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.shapes.faceted import TriangulatedSurface
 from contact_locking.shapes.tool_files import read_surface
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 # The block and the files of tools belong to the tests.

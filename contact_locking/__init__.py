@@ -55,6 +55,8 @@ if TYPE_CHECKING:
     from contact_locking.results.solution import Solution as Solution
     from contact_locking.results.solution import State as State
     from contact_locking.results.solution import StudySolution as StudySolution
+    from contact_locking.running.assembly import assemble as assemble
+    from contact_locking.running.assembly import check as check
     from contact_locking.running.run import save as save
     from contact_locking.running.run import solve_cases as solve_cases
     from contact_locking.running.run import write as write
@@ -70,8 +72,6 @@ if TYPE_CHECKING:
     from contact_locking.shapes.faceted import Polyline as Polyline
     from contact_locking.shapes.faceted import TriangulatedSurface as TriangulatedSurface
     from contact_locking.solver.settings import Settings as Settings
-    from contact_locking.study.assembly import assemble as assemble
-    from contact_locking.study.assembly import check as check
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
@@ -106,7 +106,7 @@ _NAMES = {
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
     "shapes.faceted": "Polyline TriangulatedSurface",
     "solver.settings": "Settings",
-    "study.assembly": "assemble check",
+    "running.assembly": "assemble check",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",
     "supports.support": "BodyForce Displacement Pressure Spring Support TotalForce Traction",

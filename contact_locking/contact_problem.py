@@ -16,8 +16,8 @@ from ufl.core.expr import Expr
 
 from contact_locking.contact.contact import Contact
 from contact_locking.errors import InputError, require_kind
+from contact_locking.fem.fields import Clock
 from contact_locking.fem.spaces import Element, element_of
-from contact_locking.fields.present import Clock
 from contact_locking.laws.limits import PenaltyParameters
 from contact_locking.laws.material import Elasticity
 from contact_locking.mesh.data import NAMED
@@ -36,9 +36,9 @@ from contact_locking.values.concept import BodyKind, Concept, require_fitting
 
 if TYPE_CHECKING:
     from contact_locking.certificate.solved_state import Criterion, SolvedState
-    from contact_locking.monitor import Monitor
     from contact_locking.process.problem_solver import ProblemSolver
     from contact_locking.results.output import Extras
+    from contact_locking.solver.monitor import Monitor
     from contact_locking.solver.task import Outcome
 
 Condition: TypeAlias = fem.DirichletBC | Support | Displacement

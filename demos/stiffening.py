@@ -28,7 +28,7 @@ from mpi4py import MPI
 
 from contact_locking import StudySolution, assemble, load, solve, solve_assembled, write
 from contact_locking.laws.body import squared_norm, strain
-from contact_locking.study.assembly import StudyProblem
+from contact_locking.running.assembly import StudyProblem
 
 FILE = Path(__file__).with_suffix(".yml")
 CHANGES = sys.argv[1:]

@@ -18,7 +18,7 @@ from typing import Any, Literal, Self
 import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
-from contact_locking.files.atomic import staging
+from contact_locking.files import staging
 
 # A node at this share of the radius from the circle or sphere counts as a node of it.
 _ON = 1e-9

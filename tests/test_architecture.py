@@ -26,7 +26,7 @@ PACKAGE = Path(contact_locking.__file__).parent
 WINGS = ("theory", "inverse", "view")
 # A module imports only from its own package and from those above it in this list.
 LAYERS = (
-    ("errors", "findings", "arrays", "_version", "plain_text", "monitor"),
+    ("errors", "findings", "arrays", "_version", "plain_text"),
     ("wings", "_compat", "parallel", "files"),
     ("expressions", "meshes"),
     ("values",),
@@ -34,7 +34,6 @@ LAYERS = (
     ("mesh",),
     ("shapes",),
     ("fem",),
-    ("fields",),
     ("supports",),
     ("contact",),
     ("problem",),
@@ -45,7 +44,6 @@ LAYERS = (
     ("process",),
     ("contact_problem",),
     ("study_file",),
-    ("study",),
     ("running",),
     ("theory", "view"),
     ("inverse",),
@@ -60,36 +58,33 @@ FORBIDDEN = tuple(
 MOST_AT_THE_ROOT = 12
 # The most lines of each folder, which only shrink.
 BUDGETS = {
-    "": 1280,
+    "": 1540,
     "certificate": 1730,
     "command": 940,
     "contact": 3550,
     "expressions": 640,
-    "fem": 880,
-    "fields": 370,
-    "files": 340,
-    "inverse": 3290,
+    "fem": 1240,
+    "inverse": 3280,
     "laws": 830,
     "mesh": 2590,
     "meshes": 1510,
     "penalty_method": 680,
     "problem": 2990,
     "process": 1890,
-    "results": 2460,
-    "running": 1230,
+    "results": 2450,
+    "running": 1410,
     "shapes": 990,
-    "solver": 6610,
-    "study": 190,
-    "study_file": 2100,
+    "solver": 6650,
+    "study_file": 2080,
     "supports": 690,
     "theory": 3260,
     "values": 1020,
     "view": 2730,
 }
 # The lines that `contact_locking.ContactProblem` loads.
-MOST_OF_A_PROBLEM = 13_940
+MOST_OF_A_PROBLEM = 13_550
 # The core has its mesh builders beside it, in meshes/.
-MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 33_910, 9_280, 31_900
+MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 33_850, 9_260, 31_890
 
 
 def module(path: Path) -> str:

@@ -4,7 +4,7 @@ from exchange import task
 from peer_problems import displaced
 
 from contact_locking import Parameters, solve
-from contact_locking.monitor import Monitor
+from contact_locking.solver.monitor import Monitor
 
 job = task()
 

@@ -19,7 +19,7 @@ from contact_locking.errors import raise_callback_error
 from contact_locking.fem.compiled import JointForm
 from contact_locking.fem.spaces import make_nodal
 from contact_locking.parallel import maximum, minimum, on_any_rank, on_every_rank
-from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
+from contact_locking.solver.ksp import create_ksp, default_options, destroy_ksp
 from contact_locking.supports.conditions import Constraints
 
 # The prefix of PETSc options for these solves.

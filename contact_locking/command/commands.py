@@ -23,7 +23,7 @@ from contact_locking.plain_text import count, gigabytes, nearest, printable
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from contact_locking.monitor import Monitor
+    from contact_locking.solver.monitor import Monitor
     from contact_locking.study_file import StudyFile
     from contact_locking.study_file.parameters import Parameters
 
@@ -34,8 +34,7 @@ _MANY_CELLS = 50_000
 
 def new(arguments: argparse.Namespace) -> int:
     """Copy the study file of a demo, and the data that it reads, where no files are yet."""
-    from contact_locking import study_file
-    from contact_locking.files import atomic
+    from contact_locking import files, study_file
 
     place, like = arguments.output, arguments.like
     folder = Path(study_file.__file__).parent / "demos"
@@ -54,7 +53,7 @@ def new(arguments: argparse.Namespace) -> int:
         for path, content in contents.items():
             with explained(f"cannot write {path}", path):
                 try:
-                    atomic.write_new(path, content)
+                    files.write_new(path, content)
                 except FileExistsError:
                     message = f"{path}: there is a file already; -o FILE names another one"
                     raise InputError(message) from None
@@ -167,9 +166,9 @@ def check(arguments: argparse.Namespace) -> int:
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
     from contact_locking.mesh.parts import group_table
-    from contact_locking.results import folder as output_folder
-    from contact_locking.solver.linear.factorised import estimated_memory
-    from contact_locking.study import assembly
+    from contact_locking.results import output as output_folder
+    from contact_locking.running import assembly
+    from contact_locking.solver.ksp import estimated_memory
 
     with _explained(study):
         output_folder.prepare(parameters.output.directory, comm)
@@ -284,8 +283,8 @@ def _solving(
     It is the terminal, if the command speaks.
     """
     from contact_locking.command.terminal import TerminalMonitor
-    from contact_locking.monitor import Monitor
-    from contact_locking.results import folder as output_folder
+    from contact_locking.results import output as output_folder
+    from contact_locking.solver.monitor import Monitor
 
     speaks = comm.rank == 0 and not arguments.quiet
     monitor = TerminalMonitor() if speaks else Monitor()

@@ -17,8 +17,8 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.monitor import Monitor
 from contact_locking.plain_text import count, printable
+from contact_locking.solver.monitor import Monitor
 
 if TYPE_CHECKING:
     from mpi4py import MPI

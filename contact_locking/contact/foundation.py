@@ -12,7 +12,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.contact import Foundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, Misplaced, with_key
-from contact_locking.fields.present import Clock, Entities, PresentValue, features
+from contact_locking.fem.fields import Clock, Entities, PresentValue, features
 from contact_locking.findings import Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank

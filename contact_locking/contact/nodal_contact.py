@@ -15,8 +15,8 @@ from contact_locking.contact.coulomb import Identity
 from contact_locking.contact.foundation import PlacedFoundation, RigidFoundation
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError, with_key
+from contact_locking.fem.fields import Clock
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.present import Clock
 from contact_locking.findings import Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank

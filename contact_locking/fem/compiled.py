@@ -137,7 +137,7 @@ def _compiling(comm: MPI.Intracomm, signature: str) -> Iterator[dict[str, Any]]:
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[io.FileIO | None]:
     """The lock file of a folder, locked; None where there are no locks, or no leave to write."""
-    from contact_locking.files.atomic import try_lock  # only where something is compiled
+    from contact_locking.files import try_lock  # only where something is compiled
 
     try:
         folder.mkdir(parents=True, exist_ok=True)

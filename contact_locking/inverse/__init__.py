@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from contact_locking import wings
 
 if TYPE_CHECKING:
-    from contact_locking.study.assembly import StudyProblem
+    from contact_locking.running.assembly import StudyProblem
 
 
 def _derives(problem: StudyProblem, *_: Any) -> bool:

@@ -14,11 +14,10 @@ import numpy as np
 from mpi4py import MPI
 from scipy.stats import chi2
 
-from contact_locking import study_file
+from contact_locking import files, study_file
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
-from contact_locking.files import atomic
 from contact_locking.inverse.estimate import (
     NO_INFLUENCE,
     UNDETERMINED,
@@ -35,12 +34,12 @@ from contact_locking.inverse.model import (
     read_experiments,
     variables_of,
 )
-from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.plain_text import count, per_cent
-from contact_locking.results.folder import FIT, FIT_PICTURE, on_root_of, reserved
+from contact_locking.results.output import FIT, FIT_PICTURE, on_root_of, reserved
 from contact_locking.results.solution import Solution, summary_text
 from contact_locking.running.run import run
+from contact_locking.solver.monitor import Monitor
 from contact_locking.study_file.parameters import Parameters
 
 # A start at which a strain limit is nowhere reached is lowered to below the largest strain, at most
@@ -103,7 +102,7 @@ def _final_runs(
 def _write(target: Path, content: dict[str, Any]) -> str | None:
     """Write fit.json and fit.png; why there is no picture."""
     problem = None
-    with atomic.staging(target) as made:
+    with files.staging(target) as made:
         (made / FIT).write_text(summary_text(content), encoding="utf-8")
         try:
             from contact_locking.view.report.run_charts import fit_charts
@@ -112,7 +111,7 @@ def _write(target: Path, content: dict[str, Any]) -> str | None:
         except ImportError as error:
             problem = f"no picture of the fit was drawn: {error.name} cannot be imported"
         for name in (FIT, FIT_PICTURE):
-            atomic.put_in_place(made / name, target / name)
+            files.put_in_place(made / name, target / name)
     return problem
 
 

@@ -44,7 +44,7 @@ from contact_locking.solver.interior_point.iterate import families_of
 from contact_locking.solver.interior_point.lorentz import dot
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear.ksp import factorise
+from contact_locking.solver.ksp import factorise
 from contact_locking.solver.task import SavedState, Target, Task
 
 # The residual of the system of the bounds, relative, and the most iterations for it.

@@ -19,17 +19,16 @@ from typing import Any
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking import study_file
+from contact_locking import files, study_file
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import ContactLockingError, InputError, NoDerivatives, with_key
-from contact_locking.files import atomic, readable
-from contact_locking.files.readable import place_of, rows_of
+from contact_locking.files import place_of, rows_of
 from contact_locking.inverse.estimate import Variable
 from contact_locking.inverse.sensitivities import number_at, value_of, with_values
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import on_root
 from contact_locking.plain_text import count
-from contact_locking.results.folder import on_root_of
+from contact_locking.results.output import on_root_of
 from contact_locking.running.cases import read_mapping
 from contact_locking.running.solving import solve_steps
 from contact_locking.study_file.parameters import Parameters, SensitivityParameters
@@ -167,7 +166,7 @@ def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
         for line, row in enumerate(rows, 2):
             if not any(cell.strip() for cell in row):
                 continue
-            read = [readable.number_at(place, row) for place in places]
+            read = [files.number_at(place, row) for place in places]
             for name, (value, text) in zip(wanted, read, strict=True):
                 if not math.isfinite(value):
                     raise InputError(
@@ -380,4 +379,4 @@ class Model:
         folder.mkdir(parents=True, exist_ok=True)
         data = vars(found).items()
         plain = {key: None if one is None else np.asarray(one).tolist() for key, one in data}
-        atomic.write_text(folder / name, json.dumps(plain) + "\n")
+        files.write_text(folder / name, json.dumps(plain) + "\n")

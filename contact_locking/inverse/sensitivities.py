@@ -18,26 +18,26 @@ from contact_locking.inverse.derivatives import (
     Number,
     Table,
     entries,
+    field,
     number_of,
     refresh,
     width,
 )
 from contact_locking.inverse.equations import Equations, share_at_change
-from contact_locking.inverse.fields import field
 from contact_locking.inverse.linearisation import Change, penalised_iterate
 from contact_locking.inverse.quantities import quantity_of
-from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.process.problem_solver import ProblemSolver, linear_solver
 from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 from contact_locking.results.quantities import look_up
 from contact_locking.results.solution import Solution
+from contact_locking.running.assembly import StudyProblem, assemble
 from contact_locking.running.solving import SolvableStudy, settings_of, solve_assembled
-from contact_locking.solver.linear.ksp import UserOptions
+from contact_locking.solver.ksp import UserOptions
+from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import Outcome, Task
-from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.reading import assign

@@ -22,8 +22,8 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import ContactLockingError, InputError, NotConverged
 from contact_locking.inverse.sensitivities import value_of, with_values
 from contact_locking.mesh.domain import Domain
+from contact_locking.running.assembly import check
 from contact_locking.running.solving import solve_steps
-from contact_locking.study.assembly import check
 from contact_locking.study_file.parameters import Parameters
 
 NAME = "forward"

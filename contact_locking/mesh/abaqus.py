@@ -16,7 +16,7 @@ import numpy as np
 
 from contact_locking.arrays import BoolArray, FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.files.readable import require_file
+from contact_locking.files import require_file
 from contact_locking.findings import Finding
 from contact_locking.mesh.checks import CellFacets
 from contact_locking.mesh.data import (
@@ -363,7 +363,7 @@ def _mesh(deck: Deck) -> MeshData:
         numbers[place] = number
     cells = _regions(deck, dim, corners[:, list(kind.gmsh_order)])
     points = flat_points(deck.points, numbers, dim)
-    mesh = MeshData(dim, points, numbers, cells)
+    mesh = MeshData(dim, points, numbers, cells, named_elements(kind.facet, {}))
     parts, empty = _parts(deck, CellFacets(mesh))
     findings = []
     if any(block.nodes.shape[1] > kind.corners for block in body):

@@ -280,9 +280,6 @@ def longest_edges(points: FloatArray, cells: IntArray) -> FloatArray:
     return np.sqrt(longest)
 
 
-_NOTHING = np.empty((0, 0), dtype=np.int64), np.empty(0, dtype=np.int64)
-
-
 @dataclass(frozen=True)
 class MeshElements:
     """Elements of one kind with their physical groups.
@@ -296,10 +293,6 @@ class MeshElements:
     numbers: IntArray
     groups: IntArray
     names: Mapping[str, tuple[int, ...]]
-
-    @staticmethod
-    def unnamed(nodes: IntArray, numbers: IntArray) -> MeshElements:
-        return MeshElements(nodes, numbers, np.zeros(len(nodes), dtype=np.int64), {})
 
     def __len__(self) -> int:
         return len(self.nodes)
@@ -324,7 +317,7 @@ class MeshData:
     points: FloatArray
     numbers: IntArray
     cells: MeshElements
-    facets: MeshElements = field(default_factory=lambda: MeshElements.unnamed(*_NOTHING))
+    facets: MeshElements
     findings: tuple[Finding, ...] = ()
     unusable: Mapping[str, str] = field(default_factory=dict)
 

@@ -1,9 +1,10 @@
 """Mesh files of Gmsh and in XDMF as arrays, and the arrays of a mesh in Gmsh.
 
-A file may come from anybody.  Gmsh runs a file that is not a mesh as a Gmsh script, which can start
-programs.  For some endings of the name Gmsh starts programs whatever the file holds, and it passes
-the names of compressed files to a shell.  A file must therefore begin like a mesh, and Gmsh reads a
-copy with a fixed name in a folder of its own.
+A file may come from anybody.  A damaged one can crash Gmsh or fill the memory; Gmsh therefore reads
+it in a process of its own first.  Gmsh runs a file that is not a mesh as a Gmsh script, which can
+start programs.  For some endings of the name Gmsh starts programs whatever the file holds, and it
+passes the names of compressed files to a shell.  A file must therefore begin like a mesh, and Gmsh
+reads a copy with a fixed name in a folder of its own.
 
 XDMF is read as DOLFINx and meshio write it.  The numbers are in an HDF5 file beside the file, which
 has the same name with the ending .h5.
@@ -11,8 +12,11 @@ has the same name with the ending .h5.
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
+import subprocess
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -25,7 +29,7 @@ import numpy as np
 
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.files.readable import require_file
+from contact_locking.files import require_file
 from contact_locking.findings import Finding
 from contact_locking.mesh.data import (
     INTERVAL,
@@ -56,12 +60,31 @@ def read_gmsh(path: Path) -> MeshData:
     import gmsh
 
     with trusted_copy(path) as copy, empty_model() as model:
-        try:
-            gmsh.merge(str(copy))
-        except Exception as error:  # Gmsh raises Exception itself
-            said = str(error).replace(str(copy), str(path))
-            raise InputError(f"Gmsh cannot read {path}: {said}") from error
+        _require_readable(copy, path)
+        gmsh.merge(str(copy))
         return extract(model, str(path))
+
+
+# With these environment variables of an MPI launcher a process counts as a rank.
+_LAUNCHERS = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "MPI_LOCAL", "HYDRA_")
+_TRIAL = """
+import contextlib, gmsh, os, resource, sys
+with contextlib.suppress(ValueError):  # the system has a lower limit
+    resource.setrlimit(resource.RLIMIT_AS, (2**33 + 100 * os.path.getsize(sys.argv[1]),) * 2)
+gmsh.initialize(readConfigFiles=False)
+gmsh.merge(sys.argv[1])
+"""
+
+
+def _require_readable(copy: Path, path: Path) -> None:
+    """Raise InputError if a process that reads the copy with Gmsh, in 8 GB and more, fails."""
+    words = [sys.executable, "-P", "-c", _TRIAL, str(copy)]
+    kept = {name: os.environ[name] for name in os.environ if not name.startswith(_LAUNCHERS)}
+    done = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, env=kept)
+    if done.returncode:
+        said = done.stderr.decode(errors="replace").strip().rpartition("\n")[-1]
+        why = said.replace(str(copy), str(path)) or f"it crashes ({done.returncode})"
+        raise InputError(f"Gmsh cannot read {path}: {why}")
 
 
 def extract(model: Any, origin: str) -> MeshData:
@@ -72,31 +95,24 @@ def extract(model: Any, origin: str) -> MeshData:
     Cells without any group are one.
     """
     dim = max((d for d, _ in model.getEntities()), default=0)
-    if dim < 2:
-        raise InputError(f"{origin} is a {dim}D mesh; a body in 2D or 3D is needed")
-    if not len(model.mesh.getElementTypes(dim)):
-        raise InputError(f"{origin} holds no cells of dimension {dim}; generate the mesh")
+    if dim < 2 or not len(model.mesh.getElementTypes(dim)):
+        raise InputError(f"{origin} holds no cells of a body in 2D or 3D; generate the mesh")
     numbers, coordinates, _ = model.mesh.getNodes()
     order = np.argsort(numbers)
     numbers = numbers[order].astype(np.int64)
     points = coordinates.reshape(-1, 3)[order]
     types = [int(number) for number in model.mesh.getElementTypes(dim)]
-    if len(types) > 1:
-        names = [model.mesh.getElementProperties(number)[0].lower() for number in types]
-        raise InputError(f"{origin} has cells of several kinds ({', '.join(names)}); {ONE_KIND}")
     kind = _kind_of(model, types[0])
     if kind is None:
         raise _unsupported(model, origin, types[0], model.mesh.getElements(dim)[1][0][0])
     cells, facets = (_elements(model, k, numbers, origin) for k in (kind, kind.facet))
-    if facets.names.keys() & {""} or cells.names.keys() & {""}:
-        raise InputError(f"{origin} has a physical group with an empty name")
     if not cells.names:
         ones = np.ones_like(cells.groups)
         cells = MeshElements(cells.nodes, cells.numbers, ones, {_WHOLE: (1,)})
     with about(origin):
         flat = flat_points(points, numbers, dim)
     mesh = MeshData(dim, flat, numbers, cells, facets)
-    return mesh if types[0] == kind.gmsh else _with_straight_sides(mesh)
+    return mesh if types == [kind.gmsh] else _with_straight_sides(mesh)
 
 
 def _with_straight_sides(mesh: MeshData) -> MeshData:
@@ -173,9 +189,7 @@ def _name(model: Any, dim: int, tag: int, origin: str) -> str:
     try:
         name = model.getPhysicalName(dim, tag) or str(tag)
     except UnicodeDecodeError:
-        raise InputError(
-            f"{origin}: the name of physical group {tag} of dimension {dim} is not in UTF-8"
-        ) from None
+        raise InputError(f"{origin}: the name of physical group {tag} is not in UTF-8") from None
     # Names are printed, and terminals read some characters as commands.
     if not name.isprintable():
         raise InputError(
@@ -186,9 +200,10 @@ def _name(model: Any, dim: int, tag: int, origin: str) -> str:
 
 
 # The first two lines of a mesh: "$MeshFormat", then version, 0 (text) or 1 (binary), and size.
-_BEGIN = re.compile(rb"\$MeshFormat[ \t]*\r?\n[ \t]*(\d+(?:\.\d+)?)[ \t]+[01][ \t]+\d+[ \t]*\r?\n")
+_BEGIN = re.compile(
+    rb"\$MeshFormat[ \t]*\r?\n[ \t]*(2|2\.1|2\.2|4|4\.0|4\.1)[ \t]+[01][ \t]+\d+[ \t]*\r?\n"
+)
 _BEGIN_LENGTH = 200
-_VERSIONS = ("2", "2.1", "2.2", "4", "4.0", "4.1")
 
 
 @contextmanager
@@ -209,18 +224,11 @@ def trusted_copy(path: Path) -> Iterator[Path]:
 def _check_begin(stream: BinaryIO, path: Path) -> None:
     begin = stream.read(_BEGIN_LENGTH)
     stream.seek(0)
-    match = _BEGIN.match(begin)
-    if match is None:
+    if not _BEGIN.match(begin):
         raise InputError(
-            f"{path} is not a mesh in Gmsh's format, which begins with the line $MeshFormat; "
-            "in Gmsh, save the mesh as .msh (File > Export, or gmsh.write); a .geo script is not "
-            "run here, as it can start programs"
-        )
-    version = match[1].decode()
-    if version not in _VERSIONS:
-        raise InputError(
-            f"{path} is in version {version} of Gmsh's mesh format; 2.2, 4.0 and 4.1 can be read "
-            "(Mesh.MshFileVersion in Gmsh)"
+            f"{path} is not a mesh in version 2.2, 4.0 or 4.1 of Gmsh's format, which begins with "
+            "$MeshFormat; in Gmsh, save the mesh as .msh (File > Export, or gmsh.write, with "
+            "Mesh.MshFileVersion); a .geo script is not run here, as it can start programs"
         )
 
 
@@ -313,10 +321,8 @@ def _array(element: ElementTree.Element, part: str, file: Any) -> Any:
 def _mesh(grids: Sequence[Grid], coordinates: Any) -> MeshData:
     """The mesh of the first grid, with the groups of the others."""
     body, kind, names = grids[0], grids[0].kind, [grid.name for grid in grids]
-    if kind.dim < 2:
-        raise InputError("it is a 1D mesh; a body in 2D or 3D is needed")
-    if not len(body.nodes):
-        raise InputError("the mesh has no cells")
+    if kind.dim < 2 or not len(body.nodes):
+        raise InputError("the mesh holds no cells of a body in 2D or 3D")
     for grid in grids:
         if names.count(grid.name) > 1:
             raise InputError(f"it has two grids with one name, {grid.name!r}")

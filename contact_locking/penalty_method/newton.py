@@ -17,7 +17,7 @@ from petsc4py import PETSc
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem.compiled import JointForm
 from contact_locking.penalty_method.equations import Equations
-from contact_locking.solver.linear.ksp import LINEAR_FAILURE, InsertedOptions, default_options
+from contact_locking.solver.ksp import LINEAR_FAILURE, InsertedOptions, default_options
 from contact_locking.solver.task import Counts, Task
 
 ConvergedReason = PETSc.SNES.ConvergedReason

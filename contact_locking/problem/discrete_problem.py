@@ -23,8 +23,8 @@ from contact_locking.contact.surface import PRESCRIBED
 from contact_locking.contact.travel import Travel
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
+from contact_locking.fem.fields import Clock, Entities, features
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.present import Clock, Entities, features
 from contact_locking.findings import TEXTS, Finding
 from contact_locking.laws.body import squared_norm
 from contact_locking.laws.limits import Penalty, PenaltyParameters

@@ -21,14 +21,14 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.fem.compiled import JointForm, integral
-from contact_locking.fem.spaces import Element
-from contact_locking.fields.present import (
+from contact_locking.fem.fields import (
     Clock,
     Entities,
     LargestSoFar,
     PresentValue,
     rule,
 )
+from contact_locking.fem.spaces import Element
 from contact_locking.findings import TEXTS, Finding
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import agree, minimum

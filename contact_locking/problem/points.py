@@ -16,8 +16,8 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import SMALLEST, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem import compiled
+from contact_locking.fem.fields import Clock, PresentValue
 from contact_locking.fem.spaces import Element
-from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.laws.limits import StrainBall, StrainLimit
 from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import minimum, on_any_rank

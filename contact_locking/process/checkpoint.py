@@ -20,6 +20,7 @@ import numpy as np
 from dolfinx import fem
 from mpi4py import MPI
 
+from contact_locking import files
 from contact_locking._version import __version__
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.certificate.solved_state import SolvedState
@@ -27,8 +28,7 @@ from contact_locking.certificate.verdict import is_solved
 from contact_locking.contact.surface import ContactSurface
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import Kept
-from contact_locking.files import atomic
-from contact_locking.files.readable import file_digest
+from contact_locking.files import file_digest
 from contact_locking.findings import Finding
 from contact_locking.laws.limits import Penalty
 from contact_locking.mesh.domain import Domain
@@ -37,7 +37,7 @@ from contact_locking.parallel import on_root
 from contact_locking.problem.discrete_problem import DiscreteProblem
 from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.folder import CHECKPOINT, RECORD, TEXTS_BYTES
+from contact_locking.results.output import CHECKPOINT, RECORD, TEXTS_BYTES
 from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
 from contact_locking.solver.task import (
@@ -193,11 +193,11 @@ def gathered(solution: Solution) -> Callable[[Path], None]:
         text = json.dumps(about, default=lambda number: number.item())
         whole: Any = {name: values for name, values in arrays.items() if values is not None}
         np.savez(folder / _STATE, about=text, **whole)
-        files = {path.name: file_digest(str(path)) for path in sorted(folder.iterdir())}
-        record = {"format": FORMAT, "version": __version__, "files": files}
+        digests = {path.name: file_digest(str(path)) for path in sorted(folder.iterdir())}
+        record = {"format": FORMAT, "version": __version__, "files": digests}
         (folder / RECORD).write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
         # The text files of the results are written later.
-        atomic.require_room(folder, TEXTS_BYTES)
+        files.require_room(folder, TEXTS_BYTES)
 
     return write
 
@@ -443,7 +443,7 @@ class SavedSteps:
         if last == 0:
             self.remove()
             self.folder.mkdir(parents=True, exist_ok=True)
-            atomic.write_text(self._mark, _mark(fingerprint))
+            files.write_text(self._mark, _mark(fingerprint))
         return last
 
     def keep(self, first: int, last: int) -> None:
@@ -457,7 +457,7 @@ class SavedSteps:
         for step in self._steps():
             shutil.rmtree(step, ignore_errors=True)
         self._mark.unlink(missing_ok=True)
-        atomic.remove_abandoned(self.folder)
+        files.remove_abandoned(self.folder)
         with contextlib.suppress(OSError):
             self.folder.rmdir()
 

@@ -16,7 +16,6 @@ from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.certificate.verdict import Certificate, certify
 from contact_locking.fem.compiled import integral
 from contact_locking.findings import Finding
-from contact_locking.monitor import Monitor
 from contact_locking.parallel import maximum
 from contact_locking.penalty_method import method as penalty_method
 from contact_locking.penalty_method import require_served
@@ -35,8 +34,8 @@ from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
 from contact_locking.solver.explain import Verdict, judge
-from contact_locking.solver.linear.factorised import chosen
-from contact_locking.solver.linear.ksp import UserOptions
+from contact_locking.solver.ksp import UserOptions, chosen
+from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import Outcome, SavedState, Target, Task

@@ -18,10 +18,10 @@ from typing import Any, Literal
 from contact_locking import study_file
 from contact_locking._version import __version__
 from contact_locking.errors import InputError
-from contact_locking.files.atomic import remove_abandoned, write_text
+from contact_locking.files import remove_abandoned, write_text
 from contact_locking.plain_text import spreadsheet_cell
-from contact_locking.results.folder import PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
 from contact_locking.results.in_words import weakest
+from contact_locking.results.output import PARAMETERS, SUMMARY, TABLE_CSV, TABLE_LINES
 from contact_locking.results.quantities import by_name
 from contact_locking.results.table import Table
 from contact_locking.study_file import StudyFile

@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 
 from mpi4py import MPI
 
-from contact_locking import study_file, wings
+from contact_locking import files, study_file, wings
 from contact_locking.arrays import IntArray
 from contact_locking.errors import (
     MAKE_ROOM,
@@ -29,22 +29,20 @@ from contact_locking.errors import (
     ProcessEnded,
     require_kind,
 )
-from contact_locking.files import atomic
-from contact_locking.files.atomic import make_folders
+from contact_locking.files import make_folders
 from contact_locking.findings import Finding
-from contact_locking.monitor import Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint as checkpoints
 from contact_locking.process.loop import Process
 from contact_locking.results import fields
-from contact_locking.results import folder as names
-from contact_locking.results.folder import explained_in, on_root_of
-from contact_locking.results.output import Output
+from contact_locking.results import output as names
+from contact_locking.results.output import Output, explained_in, on_root_of
 from contact_locking.results.probes import in_step, locate, sample
 from contact_locking.results.solution import Solution, summary_text
 from contact_locking.results.table import Table
 from contact_locking.running import solving
 from contact_locking.running.cases import Outcome, State, case_folder, row_of, write_rows
+from contact_locking.solver.monitor import Monitor
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.parameters.study import StudyParameters
 
@@ -155,7 +153,7 @@ class FieldSeries(contextlib.ExitStack):
         """Add the fields of a step with its time; collective."""
         comm, functions = self._comm, fields.discontinuous(solution)
         size = fields.size(functions, comm)
-        on_root_of(comm, self._target, partial(atomic.require_room, self._path.parent, size))
+        on_root_of(comm, self._target, partial(files.require_room, self._path.parent, size))
         with _explained_alone(self._target, comm):
             if self._series is None:
                 self._series = fields.Series(functions, self._path, comm)
@@ -242,7 +240,7 @@ def write(
         def finish() -> None:
             _write_texts(complete, staging)
             for name in names.FILES_OF_RUN:
-                atomic.put_in_place(staging / name, target / name)
+                files.put_in_place(staging / name, target / name)
 
         on_root_of(comm, target, finish)
     for number, other in enumerate(solution.others, start=2):
@@ -271,7 +269,7 @@ def save_as(solution: Solution, directory: Path, name: str) -> None:
     with _staging(comm, directory) as staging:
         folder, write_folder = staging / name, checkpoints.gathered(solution)
         on_root_of(comm, directory, lambda: write_folder(folder))
-        on_root_of(comm, directory, lambda: atomic.put_in_place(folder, directory / name))
+        on_root_of(comm, directory, lambda: files.put_in_place(folder, directory / name))
 
 
 def facets_table(facets: IntArray) -> Table:
@@ -318,7 +316,7 @@ def _staging(comm: MPI.Intracomm, directory: Path) -> Iterator[Path]:
 
         def attempt() -> Path:
             make_folders(directory)
-            return stack.enter_context(atomic.staging(directory))
+            return stack.enter_context(files.staging(directory))
 
         yield on_root_of(comm, directory, attempt)
 

@@ -27,9 +27,9 @@ from contact_locking.errors import (
     explained,
     tells_of_full_disk,
 )
-from contact_locking.files.atomic import locked, make_folders, remove_abandoned, write_text
+from contact_locking.files import locked, make_folders, remove_abandoned, write_text
 from contact_locking.plain_text import duration
-from contact_locking.results.folder import (
+from contact_locking.results.output import (
     KEY,
     PARAMETERS,
     TABLE_CSV,

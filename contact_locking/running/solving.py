@@ -19,7 +19,6 @@ from contact_locking._version import __version__
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.errors import InputError, with_key
 from contact_locking.mesh.domain import Domain
-from contact_locking.monitor import Attentive, Monitor
 from contact_locking.parallel import on_root
 from contact_locking.process import checkpoint
 from contact_locking.process.adaptive_meshes import adapted
@@ -29,9 +28,10 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.settings import Adaptation
 from contact_locking.results.probes import sample
 from contact_locking.results.solution import Solution
+from contact_locking.running.assembly import StudyProblem, assemble, mesh_of
+from contact_locking.solver.monitor import Attentive, Monitor
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import Outcome
-from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.study_file import problem_fingerprint, require_parameters
 from contact_locking.study_file.parameters import Parameters
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import InputError
-from contact_locking.files.readable import require_size
+from contact_locking.files import require_size
 from contact_locking.findings import Finding
 from contact_locking.mesh.data import keys, point_words
 

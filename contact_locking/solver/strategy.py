@@ -10,7 +10,7 @@ from contact_locking.findings import Finding
 from contact_locking.solver.explain import Reasons
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
-from contact_locking.solver.linear.ksp import LINEAR_FAILURE, is_direct
+from contact_locking.solver.ksp import LINEAR_FAILURE, is_direct
 from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
 
 # Each attempt starts at the elastic displacement and is finished by the pieces of the laws.  The

@@ -17,11 +17,11 @@ from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.findings import Finding
 from contact_locking.laws.limits import Penalty
-from contact_locking.monitor import Monitor
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.cones import Pair
+from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
 
 

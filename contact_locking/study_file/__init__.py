@@ -1,6 +1,6 @@
 """The study file: read, overridden from the command line, checked, explained and written again."""
 
-from contact_locking.files.readable import file_digest as file_digest
+from contact_locking.files import file_digest as file_digest
 from contact_locking.study_file.dump import dump as dump
 from contact_locking.study_file.dump import fingerprint as fingerprint
 from contact_locking.study_file.dump import fit_fingerprint as fit_fingerprint

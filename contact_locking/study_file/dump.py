@@ -13,11 +13,11 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedSeq
 
 from contact_locking.contact.contact import Foundation
-from contact_locking.files.readable import file_digest
+from contact_locking.files import file_digest
 from contact_locking.mesh.data import data_file, is_xdmf
-from contact_locking.results.folder import HEADER
+from contact_locking.results.output import HEADER
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.mesh import MeshParameters
+from contact_locking.study_file.parameters.problem import MeshParameters
 from contact_locking.values.concept import ONLY, Concept
 from contact_locking.values.value import Value
 

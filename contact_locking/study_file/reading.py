@@ -23,7 +23,7 @@ from ruamel.yaml.error import MarkedYAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from contact_locking.errors import InputError, require_kind
-from contact_locking.files.readable import similar
+from contact_locking.files import similar
 from contact_locking.plain_text import printable
 from contact_locking.study_file.dump import dump
 from contact_locking.study_file.parameters import Parameters

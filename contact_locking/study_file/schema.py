@@ -14,7 +14,7 @@ from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
+from contact_locking.study_file.parameters.problem import MeshParameters, builder_types
 from contact_locking.study_file.parameters.study import MAX_CASES, sections_in, visible_fields
 from contact_locking.values.concept import Concept, unit_of
 from contact_locking.values.value import show

@@ -17,7 +17,7 @@ from contact_locking.arrays import AXES, BoolArray, FloatArray, IndexArray
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import JointForm
 from contact_locking.fem.contact_operator import PointStiffness
-from contact_locking.fields.present import Clock
+from contact_locking.fem.fields import Clock
 from contact_locking.mesh.domain import Domain, axis_dofs
 from contact_locking.parallel import agree, maximum, minimum, on_any_rank
 from contact_locking.supports.support import Displacement, Support

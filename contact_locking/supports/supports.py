@@ -12,8 +12,8 @@ from dolfinx import fem
 from contact_locking import _compat
 from contact_locking.arrays import FloatArray, IndexArray
 from contact_locking.errors import InputError
+from contact_locking.fem.fields import Clock, PresentValue
 from contact_locking.fem.spaces import facet_nodes
-from contact_locking.fields.present import Clock, PresentValue
 from contact_locking.mesh.data import corner_normals
 from contact_locking.mesh.distribution import summed
 from contact_locking.mesh.domain import Domain

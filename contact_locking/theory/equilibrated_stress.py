@@ -27,7 +27,7 @@ from contact_locking.fem import compiled
 from contact_locking.laws.body import MANDEL_PAIRS
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.elasticity import matrix_of
-from contact_locking.solver.linear.ksp import create_ksp, default_options, destroy_ksp
+from contact_locking.solver.ksp import create_ksp, default_options, destroy_ksp
 from contact_locking.theory.triangles import (
     TENSORS,
     MacroElement,

@@ -10,12 +10,12 @@ from dolfinx import fem
 
 from contact_locking.contact_problem import ContactProblem
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.results import folder as names
+from contact_locking.results import output as names
 from contact_locking.results.output import Extras
 from contact_locking.results.solution import Solution
+from contact_locking.running.assembly import StudyProblem
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.task import Outcome
-from contact_locking.study.assembly import StudyProblem
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.study_file.reading import assign

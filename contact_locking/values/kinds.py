@@ -33,7 +33,7 @@ from pydantic_core import core_schema
 from contact_locking.arrays import SMALLEST
 from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION, TIME, Table, parse
-from contact_locking.files.readable import require_file, similar
+from contact_locking.files import require_file, similar
 from contact_locking.values.concept import (
     LIST,
     PER_AXIS,

@@ -18,7 +18,7 @@ from contact_locking.arrays import AXES, LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Expression, Lookup, parse
 from contact_locking.expressions.tree import value_and_gradient
-from contact_locking.files.readable import number_at, place_of, rows_of
+from contact_locking.files import number_at, place_of, rows_of
 from contact_locking.plain_text import nearest
 
 # An argument may lie outside of the table by this share of its range, which is rounding.
@@ -284,10 +284,9 @@ def show(value: Any) -> str:
             text = f"{value:g}" if float(f"{value:g}") == value else str(value)
         case list() | tuple():
             text = f"[{', '.join(map(entry, value[:10]))}{', ...' * (len(value) > 10)}]"
-        case dict() if value:
-            text = f"a mapping with the keys {', '.join(map(str, list(value)[:10]))}"
         case dict():
-            text = "an empty mapping"
+            pairs = [f"{key}: {entry(inner)}" for key, inner in list(value.items())[:10]]
+            text = f"{{{', '.join(pairs)}}}"
         case str():
             text = repr(value)
         case _:

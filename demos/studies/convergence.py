@@ -15,10 +15,10 @@ from transfer import on_mesh_of
 
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
-from contact_locking.files.atomic import write_text
+from contact_locking.files import write_text
 from contact_locking.laws.body import squared_norm
 from contact_locking.mesh.domain import Domain
-from contact_locking.results.folder import TABLE_LINES
+from contact_locking.results.output import TABLE_LINES
 from contact_locking.results.solution import StudySolution
 from contact_locking.view.report.folders import Row, read_rows
 

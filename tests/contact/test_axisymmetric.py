@@ -12,7 +12,7 @@ from problems import with_changes
 
 from contact_locking.errors import InputError
 from contact_locking.running import solving
-from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.running.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
 
@@ -56,7 +56,7 @@ def test_what_contradicts_the_axis_is_refused_with_its_key(
 
 @pytest.mark.serial
 def test_a_mesh_on_both_sides_of_the_axis_is_refused() -> None:
-    from contact_locking.study.assembly import mesh_of
+    from contact_locking.running.assembly import mesh_of
 
     domain = mesh_of(cylinder(), MPI.COMM_WORLD)
     domain.mesh.geometry.x[:, 0] -= 0.5

@@ -14,7 +14,7 @@ from two_bodies import YOUNG, fit, stack
 
 from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
-from contact_locking.solver.linear.factorised import FILTER_LIMIT
+from contact_locking.solver.ksp import FILTER_LIMIT
 from contact_locking.study_file.parameters import Parameters
 
 pytest.importorskip("gmsh")

@@ -20,7 +20,7 @@ from contact_locking.fem.compiled import integral
 from contact_locking.fem.spaces import P2, Trace
 from contact_locking.parallel import maximum
 from contact_locking.results.solution import StudySolution
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 #: Contact at the nodes of edges with the weights of Simpson's rule.

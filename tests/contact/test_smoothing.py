@@ -17,7 +17,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import ConvolutionOperator
 from contact_locking.contact.surface import ContactSurface, SurfaceMesh
 from contact_locking.mesh.domain import Domain
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 KERNELS = ("convolution", "helmholtz")

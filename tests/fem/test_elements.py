@@ -18,8 +18,8 @@ from contact_locking.fem import compiled
 from contact_locking.fem.spaces import P2, Element
 from contact_locking.laws.body import strain
 from contact_locking.results.solution import StudySolution
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 LIMIT = 0.02

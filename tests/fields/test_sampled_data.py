@@ -13,7 +13,7 @@ from problems import block
 from contact_locking import InputError
 from contact_locking.fem.compiled import assembled
 from contact_locking.problem import forms
-from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.running.assembly import StudyProblem, assemble
 
 pytestmark = pytest.mark.serial
 

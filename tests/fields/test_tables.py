@@ -12,8 +12,8 @@ from mpi4py import MPI
 import contact_locking as cl
 from contact_locking import InputError, NotConverged, solve, solve_steps, study_file
 from contact_locking.expressions import parse
+from contact_locking.running.assembly import assemble
 from contact_locking.running.cases import cases_of
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping, load
 
 RAMP = "t,force\n0,0\n0.5,-0.05\n1,0\n"

@@ -21,7 +21,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from typing import Any
 
-from contact_locking.files.atomic import write_text
+from contact_locking.files import write_text
 from golden.numbers import NUMBERS, PROBLEMS, Data, determined, differences, numbers_of, read
 
 

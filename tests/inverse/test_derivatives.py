@@ -146,11 +146,11 @@ CASES: dict[str, dict[str, Any]] = {
     "paper": {"n": 1e3, "method": "penalty"},
     "quadratic": {"degree": 2, "cells": 4},
     "local": {"kernel": cl.Local()},
-    "filter": {"kernel": cl.Helmholtz(0.3)},
+    "filter": {"kernel": cl.Helmholtz(0.5), "degree": 2, "dim": 3, "cells": 2},
     "without friction": {"coefficient": lambda mu: 0.0},
     "three dimensions": {"dim": 3, "cells": 3, "kernel": cl.Local()},
 }
-QUICK = ("inequality",)
+QUICK = ("inequality", "filter")
 
 
 Make = Callable[..., Block]

@@ -11,8 +11,8 @@ from problems import block
 
 import contact_locking as cl
 from contact_locking.inverse.sensitivities import in_rows, number_at, value_of, with_number
-from contact_locking.monitor import Monitor
 from contact_locking.running.solving import solve
+from contact_locking.solver.monitor import Monitor
 from contact_locking.study_file.dump import plain
 
 SHARP = {"tolerance": 1e-10, "friction_tolerance": 1e-11}

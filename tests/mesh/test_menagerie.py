@@ -142,7 +142,7 @@ animal("a tilted plane", "surface in space; a 2D body lies in a plane z = consta
 animal("a quadrilateral", SQUARE_IS)(
     text(msh(SQUARE, {"sole": SOLE, "top": TOP, "body": [(1, 2, 3, 4)]}))
 )
-animal("triangles and quadrilaterals", "cells of several kinds.*Recombine")(
+animal("triangles and quadrilaterals", "is a Quadrilateral.*Recombine")(
     text(msh([*SQUARE, (4.0, 1.0)], {"sole": SOLE, "body": [(1, 2, 3, 4)], "wing": [(2, 5, 3)]}))
 )
 animal("a tetrahedron", Read({"sole": 0.5, "body": 1.0 / 6.0}))(

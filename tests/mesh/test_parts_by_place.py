@@ -15,7 +15,7 @@ from xdmf import write_xdmf
 
 from contact_locking import InputError, assemble, from_mapping
 from contact_locking.mesh.parts import groups
-from contact_locking.study.assembly import mesh_of
+from contact_locking.running.assembly import mesh_of
 from contact_locking.study_file.parameters import Parameters
 
 PARTS: dict[str, Any] = {

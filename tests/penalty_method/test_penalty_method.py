@@ -19,12 +19,12 @@ from contact_locking import solve
 from contact_locking.errors import InputError, NotConverged
 from contact_locking.fem.compiled import assembled, integral
 from contact_locking.laws.limits import Penalty
-from contact_locking.monitor import Monitor
 from contact_locking.penalty_method.equations import Equations
 from contact_locking.penalty_method.method import PenaltyPath, contraction_factor, follow
 from contact_locking.penalty_method.newton import critical_point
+from contact_locking.running.assembly import assemble, check
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.study.assembly import assemble, check
+from contact_locking.solver.monitor import Monitor
 
 CONVOLUTION = {"coefficient": 0.3, "smoothing": {"kernel": "convolution", "radius": 0.2}}
 WEAKENING = {

@@ -16,8 +16,8 @@ from problems import block
 
 import contact_locking as cl
 from contact_locking.mesh.domain import Domain
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 
 LIMITS = (cl.StrainBall(0.02),)
 PULL = {2: (0.03, -0.05), 3: (0.03, 0.0, -0.05)}

@@ -18,8 +18,8 @@ from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
 from contact_locking.laws.body import locking_energy, squared_norm, strain
 from contact_locking.problem.strain_sets import NormSet
+from contact_locking.running.assembly import StudyProblem, assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import StudyProblem, assemble
 
 pytestmark = pytest.mark.serial
 

@@ -16,7 +16,7 @@ from contact_locking.certificate.solved_state import SolvedState
 from contact_locking.certificate.verdict import certify
 from contact_locking.process import problem_solver
 from contact_locking.running import solving
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters import Parameters
 

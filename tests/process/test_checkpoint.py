@@ -14,11 +14,10 @@ import pytest
 from mpi4py import MPI
 from problems import block
 
-from contact_locking import save, study_file
+from contact_locking import files, save, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.files import atomic
 from contact_locking.process.checkpoint import locate
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
@@ -151,7 +150,7 @@ def test_a_save_that_fails_leaves_the_earlier_one(
     saved: Path, comm: MPI.Intracomm, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     solution = solving.solve(parameters(friction__coefficient=0.1))
-    monkeypatch.setattr(atomic, "require_room", full)
+    monkeypatch.setattr(files, "require_room", full)
     with pytest.raises(ContactLockingError, match="No space left"):
         save(solution, saved)
     comm.Barrier()

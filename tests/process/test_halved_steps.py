@@ -14,9 +14,9 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.process.settings import Steps
 from contact_locking.results.in_words import verdict
 from contact_locking.results.solution import StudySolution
+from contact_locking.running.assembly import StudyProblem
 from contact_locking.running.run import run
 from contact_locking.solver.task import Outcome
-from contact_locking.study.assembly import StudyProblem
 
 pytestmark = pytest.mark.serial
 

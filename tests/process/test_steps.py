@@ -19,9 +19,9 @@ from slow import slow
 
 from contact_locking import InputError, Parameters, save, solve, solve_steps, study_file
 from contact_locking.certificate import balances as energy
-from contact_locking.monitor import Monitor
 from contact_locking.results.table import Table
 from contact_locking.running.run import run
+from contact_locking.solver.monitor import Monitor
 from contact_locking.view import report
 
 
@@ -162,7 +162,7 @@ def test_results_do_not_depend_on_the_number_of_ranks() -> None:
 RUN = """
 import os, signal, sys
 from contact_locking import load
-from contact_locking.monitor import Monitor
+from contact_locking.solver.monitor import Monitor
 from contact_locking.running.run import run
 
 class Killing(Monitor):

@@ -21,7 +21,7 @@ from contact_locking import solve
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.results import fields
-from contact_locking.results import folder as output_folder
+from contact_locking.results import output as output_folder
 from contact_locking.running import run as writing
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}

@@ -12,9 +12,9 @@ from mpi4py import MPI
 from problems import BOTH_DEGREES, block, square
 
 from contact_locking import InputError, Parameters, solve
-from contact_locking.monitor import Monitor
+from contact_locking.running.assembly import assemble
 from contact_locking.running.run import run
-from contact_locking.study.assembly import assemble
+from contact_locking.solver.monitor import Monitor
 
 POINTS = [[0.5, 0.5], [0.1, 0.7], [1.0, 1.0], [0.5, 0.0]]
 PROBES = [{"points": POINTS}, {"line": {"from": [0, 0.5], "to": [1, 0.5], "count": 5}}]

@@ -22,12 +22,12 @@ from tool_files import ascii_stl, binary_stl, box
 from contact_locking import InputError, StudySolution, solve, study_file
 from contact_locking.arrays import FloatArray
 from contact_locking.command import cli
-from contact_locking.files.readable import LARGEST_FILE
+from contact_locking.files import LARGEST_FILE
 from contact_locking.findings import Finding
 from contact_locking.meshes.geometry import empty_model
+from contact_locking.running import assembly
+from contact_locking.running.assembly import assemble
 from contact_locking.shapes.tool_files import read_stl
-from contact_locking.study import assembly
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 pytestmark = pytest.mark.serial

@@ -18,7 +18,7 @@ from slow import slow
 
 from contact_locking import from_mapping, solve
 from contact_locking.command import cli, commands
-from contact_locking.monitor import Monitor
+from contact_locking.solver.monitor import Monitor
 
 pytestmark = pytest.mark.serial
 
@@ -87,7 +87,7 @@ def test_a_signal_to_one_rank_inside_its_linear_solver_ends_all_and_leaves_no_re
         import os, signal, sys
         from mpi4py import MPI
         from contact_locking.command import cli
-        from contact_locking.solver.linear.multigrid import FilteredMultigrid
+        from contact_locking.solver.multigrid import FilteredMultigrid
 
         signal.signal(signal.SIGINT, signal.default_int_handler)
         apply, calls = FilteredMultigrid.apply, []

@@ -37,8 +37,8 @@ from sweep.solve import (
 )
 from sweep.transforms import Transform
 
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled, solve_steps
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
 

@@ -84,7 +84,7 @@ DISGUISED = {
 @pytest.mark.parametrize("guise", DISGUISED)
 def test_gmsh_never_sees_what_is_no_mesh(guise: str) -> None:
     Path("body.msh").write_text(DISGUISED[guise], encoding="utf-8")
-    with pytest.raises(InputError, match=r"body\.msh is not a mesh in Gmsh's format") as caught:
+    with pytest.raises(InputError, match=r"body\.msh is not a mesh in version") as caught:
         from_file(Path("body.msh"), MPI.COMM_SELF)
     assert caught.value.key == "mesh.file"
 
@@ -104,15 +104,15 @@ def test_a_script_within_a_mesh_is_not_run(place: str) -> None:
     assert from_file(Path("body.msh"), MPI.COMM_SELF).num_cells == 2
 
 
-@pytest.mark.parametrize("ending", ["geo", "py", "msh.gz"])
-def test_the_ending_of_the_name_does_not_choose_another_reader(ending: str) -> None:
+def test_a_mesh_that_crashes_gmsh_is_refused() -> None:
+    Path("body.msh").write_text(MESH.replace("4 0 1 0", "0 0 1 0"))
+    with pytest.raises(InputError, match=r"Gmsh cannot read body\.msh"):
+        from_file(Path("body.msh"), MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("ending", ["geo", "py", "msh.gz", "$(touch ran);`touch ran`.msh.gz"])
+def test_the_name_of_the_file_starts_nothing(ending: str) -> None:
     path = Path(f"body.{ending}")
-    path.write_text(MESH)
-    assert from_file(path, MPI.COMM_SELF).num_cells == 2
-
-
-def test_no_shell_sees_the_name_of_the_file() -> None:
-    path = Path("body$(touch ran);touch ran;`touch ran`.msh.gz")
     path.write_text(MESH)
     assert from_file(path, MPI.COMM_SELF).num_cells == 2
 

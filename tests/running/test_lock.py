@@ -19,7 +19,7 @@ from study_folder import Folder, alive, wait_for
 
 from contact_locking.command import cli
 from contact_locking.errors import ContactLockingError, InputError
-from contact_locking.files.atomic import locked
+from contact_locking.files import locked
 
 pytestmark = pytest.mark.serial
 
@@ -41,7 +41,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
         from pathlib import Path
         from contact_locking.running import solving
         from contact_locking.command import cli
-        from contact_locking.files.atomic import staging
+        from contact_locking.files import staging
 
         def solve(parameters, *_):
             with staging(Path(parameters.output.directory)) as folder:
@@ -175,7 +175,7 @@ def test_a_full_disk_stops_a_study_and_keeps_what_is_finished(
         shutil.move(source, target)
 
     with monkeypatch.context() as context:
-        context.setattr("contact_locking.files.atomic.os.replace", replace)
+        context.setattr("contact_locking.files.os.replace", replace)
         with pytest.raises(ContactLockingError, match=r"No space left.*\n.*make room"):
             folder.run(jobs=1)
     assert list(folder.output.rglob(".partial-*")) == []

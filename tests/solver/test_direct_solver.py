@@ -15,8 +15,7 @@ from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
 from contact_locking.mesh.parts import NamedFacets
-from contact_locking.solver.linear.factorised import estimated_memory
-from contact_locking.solver.linear.ksp import create_ksp, destroy_ksp, direct_options
+from contact_locking.solver.ksp import create_ksp, destroy_ksp, direct_options, estimated_memory
 
 SIDE = 40
 RIGHT = np.random.default_rng(3).standard_normal(2 * SIDE**2)

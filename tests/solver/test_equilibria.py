@@ -18,9 +18,9 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.solution import Solution
 from contact_locking.running import run as writing
 from contact_locking.running import solving
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.task import Task
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
 from contact_locking.theory.bound_map import BoundMap, Branch, OverShare

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from petsc4py import PETSc
 
-from contact_locking.solver.linear import gmres
-from contact_locking.solver.linear.gmres import MultigridTangents
-from contact_locking.solver.linear.multigrid import StiffPart
+from contact_locking.solver import tangent_solver
+from contact_locking.solver.multigrid import StiffPart
+from contact_locking.solver.tangent_solver import MultigridTangents
 
 _NODES, _FREE = 60, 3
 
@@ -40,7 +40,7 @@ def filtered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[PETSc.Mat, Multi
     first, last = (k // _FREE for k in chain.getOwnershipRange())
     stiff = np.array([k - first for k in range(first, last) if 10 <= k <= 30], dtype=np.int32)
     part = StiffPart(stiff, lambda: stiff, lambda matrix: soft.copy(matrix), _refuse, _refuse)
-    monkeypatch.setattr(gmres, "_PATIENCE", {3: 0})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
     solver = MultigridTangents(chain, 3, 1, {}, lambda iteration: None)
     solver.refresh(lambda matrix: None, lambda: part)
     yield chain, solver

@@ -10,8 +10,8 @@ from solved_by_cg import crushed_steel
 
 from contact_locking.errors import NotConverged
 from contact_locking.running import solving
-from contact_locking.solver.linear.gmres import MultigridTangents
-from contact_locking.solver.linear.ksp import LINEAR_FAILURE
+from contact_locking.solver.ksp import LINEAR_FAILURE
+from contact_locking.solver.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -13,7 +13,7 @@ from problems import SMALL_BLOCK, block
 
 from contact_locking import solve
 from contact_locking.command import cli
-from contact_locking.solver.linear.ksp import PREFIX, UserOptions, create_ksp, destroy_ksp
+from contact_locking.solver.ksp import PREFIX, UserOptions, create_ksp, destroy_ksp
 
 
 @pytest.fixture

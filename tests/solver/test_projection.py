@@ -11,10 +11,10 @@ from slow import slow
 from solved_by_cg import agree, solved
 
 from contact_locking.running import solving
-from contact_locking.solver.linear import gmres
-from contact_locking.solver.linear.factorised import FILTER_LIMIT
-from contact_locking.solver.linear.gmres import MultigridTangents
-from contact_locking.solver.linear.multigrid import FilteredMultigrid
+from contact_locking.solver import tangent_solver
+from contact_locking.solver.ksp import FILTER_LIMIT
+from contact_locking.solver.multigrid import FilteredMultigrid
+from contact_locking.solver.tangent_solver import MultigridTangents
 
 
 def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
@@ -35,7 +35,7 @@ def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 def _project_everything(monkeypatch: pytest.MonkeyPatch, dim: int) -> None:
     """Let everything be too large for the filter, from the first tangent on, for any n."""
-    monkeypatch.setattr(gmres, "_PATIENCE", {dim: 0})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {dim: 0})
     for degree in (1, 2):
         monkeypatch.setitem(FILTER_LIMIT, (dim, degree), 0)
 
@@ -93,7 +93,7 @@ def filterings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 def test_whenever_the_filter_begins_the_solution_is_that_of_the_direct_solver(
     patience: int, filterings: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gmres, "_PATIENCE", {3: patience})
+    monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: patience})
     by_cg = solved(1e4, "iterative")
     tangents = by_cg.summary["iterations"]["tangents"]
     if patience == _NEVER:

@@ -9,10 +9,10 @@ import pytest
 from mpi4py import MPI
 from problems import block, solved
 
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import SolvableStudy
 from contact_locking.solver.interior_point import farkas
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 
 _ANGLE = 1e-3

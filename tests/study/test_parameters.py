@@ -11,9 +11,9 @@ from ruamel.yaml import YAML
 
 from contact_locking.errors import InputError
 from contact_locking.meshes import BUILDERS
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 from contact_locking.study_file import dump, from_mapping, schema, schema_text
-from contact_locking.study_file.parameters.mesh import MeshParameters
+from contact_locking.study_file.parameters.problem import MeshParameters
 from contact_locking.study_file.parameters.wording import labels
 from contact_locking.study_file.schema import rows
 
@@ -134,11 +134,11 @@ def test_a_list_of_limits_is_written_and_read_back() -> None:
     assert again == given
 
 
-LIGHT = [{"on": "top", "value": [0, -0.01]}, {"on": "right", "value": [0, 0.001]}]
-HEAVY = [{"on": "top", "value": [0, -0.02]}, {"on": "right", "value": [0, 0.001]}]
+LIGHT, HEAVY = ([{"on": 80 * "x", "value": [0, -force]}] for force in (0.01, 0.02))
 
 
 def test_the_label_of_a_case_names_every_key_that_varies() -> None:
     rows = [{"loads.tractions": load, "penalty.n": n} for load in (LIGHT, HEAVY) for n in (10, 20)]
     assert labels(rows)[1].endswith(" (value 1), penalty.n = 20")
     assert len(set(labels(rows))) == 4
+    assert labels([{"a": [{"b": n}]} for n in (1, 2)]) == ["a = [{b: 1}]", "a = [{b: 2}]"]

@@ -29,7 +29,7 @@ from contact_locking.fem.spaces import P1, Element
 from contact_locking.laws.body import lame_from_young
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.assembly import StudyProblem, assemble
+from contact_locking.running.assembly import StudyProblem, assemble
 
 YOUNG, POISSON = 1.0, 0.3
 SYMBOLS = sp.symbols("x y z", real=True)

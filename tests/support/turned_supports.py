@@ -11,8 +11,8 @@ from problems import block
 
 from contact_locking.arrays import FloatArray
 from contact_locking.results.solution import StudySolution
+from contact_locking.running.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.study_file.parameters import Parameters
 
 # The displacement into the body that the rollers prescribe.

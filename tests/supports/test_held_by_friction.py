@@ -15,8 +15,8 @@ from contact_locking.errors import InputError
 from contact_locking.results import in_words
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve, solve_assembled
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

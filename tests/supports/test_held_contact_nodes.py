@@ -13,7 +13,7 @@ from problems import block, solved
 from contact_locking import StudySolution, assemble, solve_assembled
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.contact.surface import ContactSurface
-from contact_locking.study.assembly import StudyProblem
+from contact_locking.running.assembly import StudyProblem
 from contact_locking.supports.conditions import Constraints
 
 pytestmark = pytest.mark.serial

@@ -20,8 +20,8 @@ from turned_supports import (
 )
 
 from contact_locking.results.solution import StudySolution
+from contact_locking.running.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.study_file.parameters import Parameters
 
 

@@ -12,8 +12,8 @@ from problems import block
 from turned_supports import nodal, turned
 
 from contact_locking import InputError
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file import from_mapping
 from contact_locking.study_file.parameters import Parameters
 

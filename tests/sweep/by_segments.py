@@ -35,8 +35,8 @@ from mpi4py import MPI
 from msh import write_msh
 
 from contact_locking.errors import ContactLockingError
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 from .elements import Mesh

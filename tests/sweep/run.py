@@ -26,7 +26,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from contact_locking.files.atomic import write_text
+from contact_locking.files import write_text
 from sweep.by_segments import PUNCHES
 from sweep.derivatives import RIGHT
 from sweep.solve import (

@@ -16,8 +16,8 @@ from pydantic import ValidationError
 
 from contact_locking.errors import ContactLockingError, InputError
 from contact_locking.results.solution import StudySolution
+from contact_locking.running.assembly import StudyProblem, assemble
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.study.assembly import StudyProblem, assemble
 from contact_locking.study_file.parameters import Parameters
 
 from . import by_segments, comparisons, derivatives, reference, unseen

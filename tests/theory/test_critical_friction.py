@@ -11,8 +11,8 @@ from sweep.case import clamp, study
 from sweep.solve import judge_of
 
 from contact_locking.results.contact_points import OPEN, SLIP
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial

@@ -25,8 +25,8 @@ from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.problem import forms
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.equilibrated_stress import Body
 from contact_locking.theory.stress_data import (

@@ -13,8 +13,8 @@ from mpi4py import MPI
 from problems import with_changes
 
 from contact_locking.laws.body import isotropic_stress, lame_from_young, strain
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.constants import BY_KAPPA, UNKNOWN
 

@@ -13,8 +13,8 @@ from problems import solved
 from sweep.case import Study
 
 from contact_locking.results.solution import StudySolution
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve, solve_assembled, solve_steps
-from contact_locking.study.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory.other_solutions import IF_CONVEX, OTHERS, OWN_ENERGY, UNIQUE
 

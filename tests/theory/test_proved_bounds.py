@@ -15,8 +15,8 @@ from problems import block, column, solved, under_a_plate, with_changes
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.coulomb import FrictionBound, FrictionLaw
 from contact_locking.fem.compiled import integral
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 from contact_locking.theory.constants import SAMPLED
 
 pytestmark = pytest.mark.serial

@@ -22,8 +22,8 @@ from contact_locking.fem.compiled import integral
 from contact_locking.laws.body import squared_norm
 from contact_locking.mesh.domain import Domain
 from contact_locking.problem.discrete_problem import distance
+from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import solve_assembled
-from contact_locking.study.assembly import assemble
 
 Wave = Callable[[FloatArray], FloatArray]
 

@@ -21,7 +21,7 @@ from contact_locking.fem.compiled import integral
 from contact_locking.laws.body import lame_from_young, squared_norm
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.assembly import assemble, mesh_of
+from contact_locking.running.assembly import assemble, mesh_of
 
 YOUNG, POISSON = 1.0, 0.3
 LAME_LAMBDA, LAME_MU = lame_from_young(YOUNG, POISSON)

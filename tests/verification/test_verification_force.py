@@ -15,7 +15,7 @@ from verification_table import Rows
 from contact_locking import Parameters, StudySolution
 from contact_locking.mesh.domain import Domain
 from contact_locking.running import solving
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 
 # A force of 10 presses a cylinder of radius 8, as its lower half, onto a plane (V6).
 FORCE, HALF_WIDTH, PEAK = 10.0, 0.681, 9.35

@@ -23,7 +23,7 @@ from verification_table import Rows
 from contact_locking.fem.spaces import P1, P2, Element
 from contact_locking.results.solution import StudySolution
 from contact_locking.running import solving
-from contact_locking.study.assembly import assemble
+from contact_locking.running.assembly import assemble
 from contact_locking.study_file.parameters import Parameters
 
 #: The rates in V and in L2: of smooth solutions in the body and at contact, of friction by the

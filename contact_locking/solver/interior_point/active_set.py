@@ -32,7 +32,7 @@ from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.slips import SlipPieces
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear.ksp import linear_failures
+from contact_locking.solver.ksp import linear_failures
 from contact_locking.solver.task import SavedState, Task
 
 # The stiffness of rigid laws in a step, over that of the body.

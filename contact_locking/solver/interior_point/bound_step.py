@@ -12,7 +12,7 @@ the step.  A user's own bound has no derivatives, and b is then the step to its 
 The unknowns are the bounds at all nodes with friction.  With a direct solver a Krylov method finds
 them, with one back-substitution in each iteration.  With an iterative solver each of these would
 cost as much as the step itself; it solves for displacement and bounds together, where the forces of
-the bounds are functions of the displacement (:mod:`contact_locking.solver.linear.gmres`).
+the bounds are functions of the displacement (:mod:`contact_locking.solver.tangent_solver`).
 
 Unless friction is large, the map ``b -> mu R dp(b) + mu'(s) |R p| ds(b)`` is a strong contraction.
 The bound by the predictor is then nearly right for the corrector, which is solved with it, and
@@ -254,10 +254,11 @@ class BoundLaw:
         self._contact, self.friction = moving.pressing, moving.friction
         self._nodes, self._smoothing = self.friction.nodes, bound.smoothing
         slips = contact.slips(moving.system.u)
-        mu = moving.share * bound.coefficient(slips)
         pressure = self._nodes.at_all(self._contact.z)
         smoothed = bound.smoothing.apply(pressure)
-        by_law = mu * np.abs(smoothed)
+        # R of quadratic traces may be negative where p >= 0.
+        mu = moving.share * bound.coefficient(slips) * np.where(smoothed < 0.0, -1.0, 1.0)
+        by_law = mu * smoothed
         if not bound.is_coulomb:
             by_law = moving.share * bound.evaluate(pressure, slips)
         self._by_law = self._nodes.of_all(contact.rubbing(by_law))

@@ -17,7 +17,7 @@ from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import FrictionCones, OnContact
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.iterate import Iterate
-from contact_locking.solver.linear.ksp import linear_failures
+from contact_locking.solver.ksp import linear_failures
 from contact_locking.solver.task import Target
 
 # The stiffness k that balances the multipliers, over that of the material.

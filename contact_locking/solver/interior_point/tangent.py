@@ -22,10 +22,9 @@ from contact_locking.solver.interior_point.contact_cones import ContactNodes, On
 from contact_locking.solver.interior_point.family import Family, Reaction
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
-from contact_locking.solver.linear.gmres import Follow
-from contact_locking.solver.linear.ksp import IN_BLOCKS, is_direct, stacked
-from contact_locking.solver.linear.multigrid import CoarserSpace, StiffPart
-from contact_locking.solver.linear.tangent_solver import tangent_solver
+from contact_locking.solver.ksp import IN_BLOCKS, is_direct, stacked
+from contact_locking.solver.multigrid import CoarserSpace, StiffPart
+from contact_locking.solver.tangent_solver import Follow, tangent_solver
 from contact_locking.solver.task import Task
 
 # The most halvings of a step along which the forces of a body are not linear.

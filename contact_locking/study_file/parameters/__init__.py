@@ -29,10 +29,10 @@ from contact_locking.plain_text import nearest
 from contact_locking.process.settings import Adaptation, Steps
 from contact_locking.results.output import Extras, Output
 from contact_locking.solver.settings import Settings
-from contact_locking.study_file.parameters.mesh import MeshParameters
 from contact_locking.study_file.parameters.problem import (
     LoadParameters,
     MaterialParameters,
+    MeshParameters,
     name_faults,
 )
 from contact_locking.study_file.parameters.study import FitParameters, StudyParameters

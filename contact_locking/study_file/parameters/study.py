@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field
 from pydantic.fields import FieldInfo
 
 from contact_locking.meshes import BUILDERS
-from contact_locking.study_file.parameters.mesh import MeshParameters, builder_types
+from contact_locking.study_file.parameters.problem import MeshParameters, builder_types
 from contact_locking.study_file.parameters.wording import meant
 from contact_locking.values.concept import ONLY, Concept, Fault, entry
 from contact_locking.values.kinds import File, Number, NumberOrInfinite, OneOf, Text

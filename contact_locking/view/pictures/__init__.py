@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from contact_locking.errors import NoRendering, NoRoom, is_full
-from contact_locking.files.atomic import require_room
+from contact_locking.files import require_room
 from contact_locking.findings import Finding
-from contact_locking.results.folder import PICTURE, TEXTS_BYTES
+from contact_locking.results.output import PICTURE, TEXTS_BYTES
 
 if TYPE_CHECKING:
     from contact_locking.results.solution import Solution

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from contact_locking.errors import InputError, explained
-from contact_locking.files.atomic import remove_abandoned, staging
+from contact_locking.files import remove_abandoned, staging
 from contact_locking.plain_text import defect
-from contact_locking.results.folder import CHARTS, PAGE
+from contact_locking.results.output import CHARTS, PAGE
 
 if TYPE_CHECKING:
     from .page import Chart

@@ -12,7 +12,7 @@ import numpy as np
 from contact_locking._version import __version__
 from contact_locking.arrays import IntArray
 from contact_locking.errors import InputError
-from contact_locking.results import folder as names
+from contact_locking.results import output as names
 from contact_locking.results.contact_points import ContactPoints
 from contact_locking.results.quantities import look_up
 from contact_locking.results.table import Table

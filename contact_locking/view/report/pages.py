@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contact_locking.results.contact_points import STATE_NAMES
-from contact_locking.results.folder import PARAMETERS, PICTURE
 from contact_locking.results.in_words import number, weakest
+from contact_locking.results.output import PARAMETERS, PICTURE
 from contact_locking.results.quantities import Quantity, by_name, look_up, of_result
 from contact_locking.study_file import reading as source
 from contact_locking.study_file.parameters.study import StudyParameters

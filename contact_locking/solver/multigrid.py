@@ -28,7 +28,7 @@ import scipy.sparse as sp
 from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray, IndexArray
-from contact_locking.solver.linear.ksp import (
+from contact_locking.solver.ksp import (
     PREFIX,
     InsertedOptions,
     Unblocked,

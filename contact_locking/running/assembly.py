@@ -12,8 +12,8 @@ from contact_locking import wings
 from contact_locking.arrays import IndexArray
 from contact_locking.contact.contact import Contact, Mollifier
 from contact_locking.errors import InputError
+from contact_locking.fem.fields import Clock
 from contact_locking.fem.spaces import Element, element_of
-from contact_locking.fields.present import Clock
 from contact_locking.mesh import sources
 from contact_locking.mesh.domain import Domain, half_section
 from contact_locking.mesh.parts import groups, with_parts

@@ -1,1 +1,0 @@
-"""Files that appear complete or not at all, and folders for one run at a time."""

@@ -1,1 +1,0 @@
-"""Linear algebra over PETSc: Krylov solvers and their options, multigrid, factorisations."""
