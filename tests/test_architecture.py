@@ -70,7 +70,7 @@ BUDGETS = {
     "meshes": 1510,
     "penalty_method": 680,
     "problem": 2990,
-    "process": 1890,
+    "process": 1880,
     "results": 2450,
     "running": 1410,
     "shapes": 990,

@@ -115,7 +115,7 @@ class Equations:
             raise InputError("the laws of contact and friction are others with these data")
         for family, cones in zip(self.every, iterate.cones, strict=True):
             family.takes_part = cones is not None
-            family.look(self.displacement)
+            family.update(self.displacement)
             if cones is not None:
                 family.x, family.z = family.centred(*cones)
                 self.families.append(family)

@@ -234,14 +234,14 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     return chosen(linear, domain.dim, compact)
 
 
-_WAY_OUT_OF_SLIDING = (
+_SLIDING_ADVICE = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
 )
-_WAY_OUT_OF_ENTRY = (
+_ENTRY_ADVICE = (
     "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or use a rounder "
     "foundation."
 )
-_WAY_OUT_OF_COMPLAINTS = (
+_COMPLAINTS_ADVICE = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
 
@@ -267,7 +267,7 @@ def solution_of(
         if slide is None and problem.data.tools:
             slide = problem.rigidity.describe_loose()
         if slide is not None:
-            reason, suggestion = f"{slide}; {reason}", _WAY_OUT_OF_SLIDING
+            reason, suggestion = f"{slide}; {reason}", _SLIDING_ADVICE
     warnings = [*problem.findings, *report.warnings]
     if report.converged:
         warnings += findings(state)
@@ -278,7 +278,7 @@ def solution_of(
         if report.converged and certificate.complaint:
             enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
             reason = certificate.complaint
-            suggestion = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
+            suggestion = _ENTRY_ADVICE if enters else _COMPLAINTS_ADVICE
     return Solution(
         domain=problem.domain,
         element=problem.element,

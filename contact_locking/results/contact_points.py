@@ -31,8 +31,7 @@ class ContactPoints:
     3D.  Vectors are (k, d) and scalars are (k,).
 
     - ``traction``, ``bound``: ``sigma_tau`` on the body, and ``mu |R sigma_nu|``
-    - ``state``: OPEN, STICK or SLIP
-    - ``contact``: the number of the contact, from 0, ascending
+    - ``state``, ``contact``: OPEN, STICK or SLIP; the number of the contact, ascending from 0
     """
 
     x: FloatArray

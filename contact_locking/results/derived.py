@@ -58,8 +58,7 @@ class ContactFields:
     - ``increment``, ``slip``: the slip (k, d) of the step, and the accumulated length (k,)
     - ``old_place``, ``old_slip``: what friction remembers of earlier steps
     - ``pressure``, ``traction``, ``smoothed_stress``, ``bound``: p, sigma_tau, R sigma_nu and G
-    - ``state``, ``holds``: OPEN, STICK or SLIP; whether a node sticks without any slip
-    - ``free``: False at nodes whose normal displacement is prescribed
+    - ``state``, ``holds``, ``free``: OPEN, STICK or SLIP; sticks without any slip; is not held
     - ``drag``, ``travel``, ``tool``: the foundation's motion in the step, its travel, and itself
     """
 

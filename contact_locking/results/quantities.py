@@ -39,10 +39,8 @@ class Quantity:
     - ``detail``: folded in reports, and not printed in the terminal
     - ``derives``: has derivatives (`contact_locking.inverse.quantities`)
     - ``is_place``: coordinates or None, with columns for all axes in history.csv
-    - ``is_resultant``: of several contacts only those with foundations count, because touching
-      bodies have opposite forces
-    - ``trend``: how a study plots it: differences with a rate (settles), itself with a rate
-      (vanishes), counts (jumps), or not at all (None)
+    - ``is_resultant``: of several contacts only those with foundations count
+    - ``trend``: a study plots differences with a rate (settles), a rate (vanishes), counts (jumps)
     """
 
     key: str

@@ -22,7 +22,7 @@ from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Counts, Outcome, SavedState, Target, Task
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
-BOUND_WAY_OUT = (
+BOUND_ADVICE = (
     "If the friction bound does not settle, lower friction.coefficient or enlarge "
     "friction.smoothing.radius."
 )
@@ -32,12 +32,12 @@ _HELD_BY_FRICTION = (
     "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
     "bound does not settle, enlarge friction.smoothing.radius."
 )
-_VERGE_WAY_OUT = (
+_VERGE_ADVICE = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
     "numbers may be chosen, change one of them by 0.1 %: then there is a solution, or a proof that "
     "there is none."
 )
-_WEDGED_WAY_OUT = (
+_WEDGED_ADVICE = (
     "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
     "a bound, and there may be no equilibrium."
 )
@@ -69,7 +69,7 @@ class Reasons:
         is_strict = self._task.target.penalty.is_strict
         return find_growth(self._task, self._without_friction[1] if is_strict else None)
 
-    def leave_hope(self, failed: Outcome) -> bool:
+    def may_have_solution(self, failed: Outcome) -> bool:
         """Whether there may be a solution after a failed attempt."""
         task = self._task
         if failed.is_infeasible or self.is_unbalanced or not task.searches:
@@ -86,34 +86,34 @@ class Reasons:
         """
         task = self._task
         if self.is_unbalanced:
-            return dataclasses.replace(failed, is_unbalanced=True, suggestion=_way_out(task))
+            return dataclasses.replace(failed, is_unbalanced=True, suggestion=_advice(task))
         if task.searches and not failed.is_infeasible and self.growth is not None:
             task.system.restore(self.growth.stiffer.state)
             return dataclasses.replace(
                 self.growth.stiffer.outcome,
                 converged=False,
                 reason=f"{failed.reason}; {self.growth.reason}",
-                suggestion=_WEDGED_WAY_OUT,
+                suggestion=_WEDGED_ADVICE,
             )
         if (verdict := self.verdict) is not None:
             return dataclasses.replace(
                 failed,
                 is_infeasible=task.target.penalty.is_strict,
                 reason=verdict.reason,
-                suggestion=verdict.way_out,
+                suggestion=verdict.advice,
                 admissible_factor=verdict.factor,
             )
-        return dataclasses.replace(failed, suggestion=_way_out(task))
+        return dataclasses.replace(failed, suggestion=_advice(task))
 
 
-def _way_out(task: Task) -> str:
+def _advice(task: Task) -> str:
     """What may help after a failure without a known reason; collective."""
     system, advice = task.system, [_MORE_ITERATIONS]
     if system.rubbing:
-        advice.append(_HELD_BY_FRICTION if system.held_by_friction else BOUND_WAY_OUT)
+        advice.append(_HELD_BY_FRICTION if system.held_by_friction else BOUND_ADVICE)
     inverse_limits = [strains.inverse_limit.x.array for strains in system.data.sets]
     if maximum(system.comm, np.concatenate(inverse_limits)) > 0.0:
-        advice.append(_VERGE_WAY_OUT)
+        advice.append(_VERGE_ADVICE)
     return "  ".join(advice)
 
 
@@ -137,7 +137,7 @@ class Verdict:
 
     place: str
     factor: tuple[float, float] | None
-    way_out: ClassVar[str] = (
+    advice: ClassVar[str] = (
         "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
         "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
         "that exceeds the limit."

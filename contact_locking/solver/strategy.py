@@ -34,7 +34,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
         if outcome.reason == LINEAR_FAILURE and _may_factorise(task):
             task = task.with_settings(linear="direct")
             warnings.append(Finding("solver.factorised"))
-        elif len(attempts) > 1 and reasons.leave_hope(outcome):
+        elif len(attempts) > 1 and reasons.may_have_solution(outcome):
             del attempts[0]
         else:
             outcome = reasons.explain(outcome)

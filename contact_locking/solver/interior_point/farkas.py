@@ -94,7 +94,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
     # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
-    resistance += (tangent.left_unbalanced() + _pull_of_springs(system, rho)) * farthest
+    resistance += (tangent.residual_forces() + _pull_of_springs(system, rho)) * farthest
     pressures = [item for item in reactions if isinstance(item.family, OnContact)]
     pressed = (float(item.family.weights @ np.abs(item.values)) for item in pressures)
     resistance += GAP_ROUNDING * target.length * _summed(iterate, pressed)

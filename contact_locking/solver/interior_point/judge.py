@@ -69,7 +69,7 @@ class Judge:
     def measure(self, iterate: Iterate) -> Measures:
         """Update the iterate and measure it; collective."""
         tangent, target = self._tangent, self._task.target
-        iterate.visit()
+        iterate.update()
         tolerance = self._task.settings.tolerance
         strain = self.mean_strain(tolerance)
         # The gap bounds the square of an error, so it is compared with the square of the rounding.
