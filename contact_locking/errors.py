@@ -70,9 +70,9 @@ class NoDerivatives(InputError):
 
 
 class NotConverged(ContactLockingError):
-    """A solver stopped before its criteria held; the message names the criterion and a remedy."""
+    """A solver stopped before its criteria held; ``code`` says which failure it is."""
 
-    exit_code = 3
+    exit_code, code = 3, "solver.stalled"
 
 
 class Infeasible(NotConverged):
@@ -81,6 +81,8 @@ class Infeasible(NotConverged):
     The prescribed values times any number above ``factor`` exclude every field, too.  ``factor`` is
     infinite if smaller prescribed values are no remedy.
     """
+
+    code = "solver.infeasible"
 
     def __init__(self, message: str, factor: float) -> None:
         super().__init__(message)

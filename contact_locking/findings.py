@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 #: The texts by code.  A text about a key begins with it.
@@ -132,14 +132,8 @@ class Finding(str):
 
     @property
     def record(self) -> list[Any]:
-        """The arguments of :meth:`of`, for JSON."""
+        """Code, key and numbers, for JSON."""
         return [self.code, self.key, self.numbers]
-
-    @classmethod
-    def of(cls, record: Sequence[Any]) -> Finding:
-        """The finding of a :attr:`record`."""
-        code, key, numbers = record
-        return cls(code, key, **numbers)
 
     def __getnewargs_ex__(self) -> tuple[tuple[str, str], dict[str, Any]]:
         return (self.code, self.key), dict(self.numbers)

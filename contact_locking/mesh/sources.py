@@ -109,8 +109,9 @@ class WholeMesh:
                 for kind in ("cells", "facets")
             )
             data = MeshData(words["dim"], file["points"], file["numbers"], cells, facets)
-            findings = {"findings": tuple(map(Finding.of, words["facts"]["findings"]))}
-            return cls(data, file["parts"], words["facts"] | findings)
+            records = words["facts"].pop("findings")
+            findings = tuple(Finding(code, key, **numbers) for code, key, numbers in records)
+            return cls(data, file["parts"], words["facts"] | {"findings": findings})
 
 
 def gather_mesh(domain: Domain) -> WholeMesh | None:

@@ -180,7 +180,9 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
         advice = f"{_ADVICE}  {BOUND_ADVICE}" if task.system.rubbing else _ADVICE
-        outcome = Outcome(equations.multipliers(), reason=str(failure), suggestion=advice)
+        outcome = Outcome(
+            equations.multipliers(), failure=failure.code, reason=str(failure), suggestion=advice
+        )
     return outcome.with_counts(task.counts, stages)
 
 

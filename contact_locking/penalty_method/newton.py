@@ -17,7 +17,7 @@ from petsc4py import PETSc
 from contact_locking.errors import NotConverged, raise_callback_error
 from contact_locking.fem.compiled import JointForm
 from contact_locking.penalty_method.equations import Equations
-from contact_locking.solver.ksp import LINEAR_FAILURE, InsertedOptions, default_options
+from contact_locking.solver.ksp import InsertedOptions, LinearFailure, default_options
 from contact_locking.solver.task import Counts, Task
 
 ConvergedReason = PETSc.SNES.ConvergedReason
@@ -132,18 +132,17 @@ class Newton:
         self._tolerance, self._least_steps = tolerance, least_steps
         self._equations.refresh()
         self._x.array_w[:] = self._system.u.x.array[: self._owned]
-        start, failure = self._x.copy(), ""
+        start, failure = self._x.copy(), None
         try:
             self._snes.solve(None, self._x)
-        except PETSc.Error as error:
-            failure = _reason(error)
-        else:
             if (reason := self._snes.getConvergedReason()) < 0:
-                failure = f"SNES stopped with reason {reason}"
+                failure = NotConverged(f"SNES stopped with reason {reason}")
+        except PETSc.Error as error:
+            failure = _failure(error)
         self._enter(start if failure else self._x)
         start.destroy()
         if failure:
-            raise NotConverged(failure)
+            raise failure
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
@@ -203,10 +202,10 @@ class Newton:
         return 5.0 * noise
 
 
-def _reason(error: PETSc.Error) -> str:
+def _failure(error: PETSc.Error) -> NotConverged:
     """Why PETSc gave up; what a callback raised is raised again unless it is numerical."""
     raise_callback_error(error)
     cause: BaseException | None = error
     while isinstance(cause, PETSc.Error):
         cause = cause.__cause__
-    return str(cause or LINEAR_FAILURE)
+    return LinearFailure() if cause is None else NotConverged(str(cause))

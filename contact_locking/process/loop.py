@@ -27,7 +27,7 @@ from dolfinx import fem
 from contact_locking.certificate.balances import EnergyBalance, Moment, energy_balance
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
-from contact_locking.errors import InputError, Misplaced, ProcessEnded
+from contact_locking.errors import Infeasible, InputError, Misplaced, ProcessEnded
 from contact_locking.findings import Finding
 from contact_locking.process import checkpoint
 from contact_locking.process.checkpoint import SavedSteps
@@ -222,12 +222,13 @@ class Process(Iterator[S]):
                     yield self._stopped(solution, text)
                     return
                 reason = {"converged": False, "reason": f"{error.key}: {text}", "suggestion": ""}
+                reason["failure"] = "steps.data"
                 raise ProcessEnded(text, error.key, self._end(solution) | reason) from error
-            if report.is_infeasible:
+            if report.failure == Infeasible.code:
                 timeline.refuse(at, report)
             if not report.converged and timeline.refused is not None:
                 timeline.failed[at] = report.reason
-            self._is_unbalanced |= report.is_unbalanced
+            self._is_unbalanced |= report.failure == "solver.unheld"
             if not report.converged and self._halve(at, f"did not converge ({report.reason})"):
                 continue
             state = self._solver.state(report)
@@ -270,7 +271,8 @@ class Process(Iterator[S]):
         asks = not is_near and at == self._timeline.planned and self._solver.may_lock_up
         searches = not (is_near or asks)
         report = self._solver.solve(saved, searches)
-        if report.converged or report.is_infeasible or not asks or self._locks_up_after(at):
+        is_over = report.converged or report.failure == Infeasible.code
+        if is_over or not asks or self._locks_up_after(at):
             return report
         self._put(at)
         return self._solver.solve(saved)
@@ -287,7 +289,7 @@ class Process(Iterator[S]):
             self._put(at)
         if verdict is None:
             return False
-        report = Outcome(is_infeasible=True, reason=verdict.reason, suggestion=verdict.advice)
+        report = Outcome(failure=Infeasible.code, reason=verdict.reason, suggestion=verdict.advice)
         self._timeline.refuse(beyond, report)
         return True
 
@@ -430,4 +432,5 @@ class Timeline:
             reasons.append(f"the last time that was reached is t = {reached:.6g}")
         if time > at:
             reasons.append(f"the step to t = {at:.6g} did not converge: {reason}")
-        return {"reason": "; ".join(reasons), "suggestion": report.suggestion}
+        words = {"reason": "; ".join(reasons), "suggestion": report.suggestion}
+        return {"failure": report.failure, **words}

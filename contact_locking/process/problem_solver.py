@@ -14,6 +14,7 @@ from contact_locking import wings
 from contact_locking.certificate.laws import ENTRY
 from contact_locking.certificate.solved_state import Criterion, SolvedState
 from contact_locking.certificate.verdict import Certificate, certify
+from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.fem.compiled import integral
 from contact_locking.findings import Finding
 from contact_locking.parallel import maximum
@@ -33,7 +34,7 @@ from contact_locking.results.derived import (
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
-from contact_locking.solver.explain import Verdict, judge
+from contact_locking.solver.explain import Reasons, Verdict
 from contact_locking.solver.ksp import UserOptions, chosen
 from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
@@ -121,10 +122,10 @@ class ProblemSolver:
             if start is None:
                 break
             report = solve_system(task(), start).after(report)
-            if report.is_infeasible:
+            if report.failure == Infeasible.code:
                 # The proof is for one pairing of the bodies only.
                 reason = f"{_APART}: {report.reason}"
-                report = dataclasses.replace(report, is_infeasible=False, reason=reason)
+                report = dataclasses.replace(report, failure=NotConverged.code, reason=reason)
         else:
             unsettled = Finding("contact.unsettled", solves=_MOST_FRAMES)
             report = dataclasses.replace(report, warnings=[*report.warnings, unsettled])
@@ -159,7 +160,7 @@ class ProblemSolver:
 
     def verdict(self) -> Verdict | None:
         """That nothing is admissible for the present data, None without a proof."""
-        return judge(dataclasses.replace(self.task, monitor=Monitor()))
+        return Reasons(dataclasses.replace(self.task, monitor=Monitor())).verdict
 
     def is_unbalanced(self) -> bool:
         """Whether it is proved that no forces of contact and friction balance the loads."""
@@ -261,12 +262,13 @@ def solution_of(
     # The next solve overwrites the displacement of the problem.
     displacement = problem.u.copy()
     displacement.name = problem.u.name
-    reason, suggestion = report.reason, report.suggestion
+    failure, reason, suggestion = report.failure, report.reason, report.suggestion
     if problem.free and not report.converged:
-        slide = problem.rigidity.describe_slide()
+        code, slide = "solver.unheld", problem.rigidity.describe_slide()
         if slide is None and problem.data.tools:
-            slide = problem.rigidity.describe_loose()
+            code, slide = "solver.loose", problem.rigidity.describe_loose()
         if slide is not None:
+            failure = failure if failure == "solver.forces_grow" else code
             reason, suggestion = f"{slide}; {reason}", _SLIDING_ADVICE
     warnings = [*problem.findings, *report.warnings]
     if report.converged:
@@ -276,7 +278,9 @@ def solution_of(
         if not report.converged and certificate.proofs.reason:
             reason += f"; {certificate.proofs.reason}"
         if report.converged and certificate.complaint:
-            enters = bool(state.contacts) and not certificate.criteria[ENTRY].holds
+            broken = [name for name, each in certificate.criteria.items() if not each.holds]
+            enters = ENTRY in broken
+            failure = f"certificate.{ENTRY if enters else [*broken, 'proofs'][0]}"
             reason = certificate.complaint
             suggestion = _ENTRY_ADVICE if enters else _COMPLAINTS_ADVICE
     return Solution(
@@ -292,6 +296,7 @@ def solution_of(
         state=state_of(state),
         facts=_facts(state),
         converged=report.converged and not (certificate and certificate.complaint),
+        failure=failure,
         reason=reason,
         suggestion=suggestion,
         warnings=warnings,

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from contact_locking.solver.task import Outcome, SavedState
 
 
-_VERDICT = ("converged", "reason", "suggestion", "warnings")
+_VERDICT = ("converged", "failure", "reason", "suggestion", "warnings")
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,8 @@ class Solution:
         all points of contact, and the facets (m, d) by their numbers; None on ranks but 0
     state
         what the next solve needs of this one
-    converged, reason, suggestion, warnings
-        whether solver and certificate accept the solution, why, what may help, and findings
+    converged, failure, reason, suggestion, warnings
+        whether solver and certificate accept it; code and words of a failure; findings
     certificate, report
         criteria, balances and errors, None if not computed; the outcome of the solver
     facts
@@ -119,6 +119,7 @@ class Solution:
     state: State
     facts: Mapping[str, Any]
     converged: bool = True
+    failure: str = ""
     reason: str = ""
     suggestion: str = ""
     warnings: Sequence[Finding] = ()

@@ -72,7 +72,7 @@ class Reasons:
     def may_have_solution(self, failed: Outcome) -> bool:
         """Whether there may be a solution after a failed attempt."""
         task = self._task
-        if failed.is_infeasible or self.is_unbalanced or not task.searches:
+        if failed.failure == Infeasible.code or self.is_unbalanced or not task.searches:
             return False
         # Penalised problems have solutions where nothing is admissible.
         if task.target.penalty.is_strict and self.verdict is not None:
@@ -84,26 +84,29 @@ class Reasons:
 
         If forces grow, the system gets the solution for the stiffer of the two penalties.
         """
-        task = self._task
+        task, failed = self._task, dataclasses.replace(failed, suggestion=_advice(self._task))
         if self.is_unbalanced:
-            return dataclasses.replace(failed, is_unbalanced=True, suggestion=_advice(task))
-        if task.searches and not failed.is_infeasible and self.growth is not None:
+            return dataclasses.replace(failed, failure="solver.unheld")
+        if task.searches and failed.failure != Infeasible.code and self.growth is not None:
             task.system.restore(self.growth.stiffer.state)
             return dataclasses.replace(
                 self.growth.stiffer.outcome,
                 converged=False,
+                failure="solver.forces_grow",
                 reason=f"{failed.reason}; {self.growth.reason}",
                 suggestion=_WEDGED_ADVICE,
             )
         if (verdict := self.verdict) is not None:
+            is_strict = task.target.penalty.is_strict
+            code = Infeasible.code if is_strict else "solver.infeasible_limit"
             return dataclasses.replace(
                 failed,
-                is_infeasible=task.target.penalty.is_strict,
+                failure=code,
                 reason=verdict.reason,
                 suggestion=verdict.advice,
                 admissible_factor=verdict.factor,
             )
-        return dataclasses.replace(failed, suggestion=_advice(task))
+        return failed
 
 
 def _advice(task: Task) -> str:
@@ -153,17 +156,12 @@ class Verdict:
         return f"{self.place}; {share} % of the prescribed displacements are possible on this mesh"
 
 
-def judge(task: Task) -> Verdict | None:
-    """Prove, if possible, that nothing is admissible; None without a proof.  Collective.
+def _judged(task: Task) -> tuple[Verdict | None, float | None]:
+    """The verdict, or the contact force without friction if that problem was solved.
 
     Friction and penalties do not matter here, so the problem is solved without them, unless
     friction alone holds the body.  The system is restored, and the cost is counted.
     """
-    return _judged(task)[0]
-
-
-def _judged(task: Task) -> tuple[Verdict | None, float | None]:
-    """The verdict, or the contact force without friction if that problem was solved."""
     system = task.system
     prescribed = system.constraints.held_part(system.u.x.array)
     rounding = GAP_ROUNDING * task.target.length

@@ -184,7 +184,13 @@ def stacked(matrices: Sequence[PETSc.Mat]) -> PETSc.Mat:
     return rows
 
 
-LINEAR_FAILURE = "the linear solve failed (solver.linear: direct is the most robust)"
+class LinearFailure(NotConverged):
+    """A linear solve that failed."""
+
+    code = "solver.linear"
+
+    def __init__(self) -> None:
+        super().__init__("the linear solve failed (solver.linear: direct is the most robust)")
 
 
 @contextlib.contextmanager
@@ -194,7 +200,7 @@ def linear_failures() -> Iterator[None]:
         yield
     except PETSc.Error as error:
         raise_callback_error(error)
-        raise NotConverged(LINEAR_FAILURE) from error
+        raise LinearFailure from error
 
 
 #: A step like the last is a good start, but its residual, where cells are stiff, may be 1e6 times

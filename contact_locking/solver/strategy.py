@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from contact_locking.errors import Infeasible, NotConverged
@@ -10,7 +9,7 @@ from contact_locking.findings import Finding
 from contact_locking.solver.explain import Reasons
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
-from contact_locking.solver.ksp import LINEAR_FAILURE, is_direct
+from contact_locking.solver.ksp import LinearFailure, is_direct
 from contact_locking.solver.task import Outcome, SavedState, Task, stage_of
 
 # Each attempt starts at the elastic displacement and is finished by the pieces of the laws.  The
@@ -28,10 +27,11 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     """
     penalty, reasons = task.target.penalty, Reasons(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
-    warnings, attempts = list[Finding](), list(_attempts_of(task))
+    # Without friction all attempts would be the same.
+    warnings, attempts = list[Finding](), list(LADDER if task.system.rubbing else LADDER[:1])
     while not (outcome := _attempt(attempts[0], task, saved)).converged:
         saved = None
-        if outcome.reason == LINEAR_FAILURE and _may_factorise(task):
+        if outcome.failure == LinearFailure.code and _may_factorise(task):
             task = task.with_settings(linear="direct")
             warnings.append(Finding("solver.factorised"))
         elif len(attempts) > 1 and reasons.may_have_solution(outcome):
@@ -46,11 +46,6 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     return outcome
 
 
-def _attempts_of(task: Task) -> Sequence[Approach]:
-    """The attempts to make; without friction all would be the same."""
-    return LADDER if task.system.rubbing else LADDER[:1]
-
-
 def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcome:
     """The outcome of one attempt, finished by the pieces of the laws; collective.
 
@@ -61,12 +56,11 @@ def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcom
     try:
         return solver.finish(solver.solve(solver.state_of(saved)))
     except NotConverged as failure:
-        is_infeasible = isinstance(failure, Infeasible)
-        return (None if is_infeasible else solver.rescue()) or Outcome(
+        return (None if isinstance(failure, Infeasible) else solver.rescue()) or Outcome(
             solver.multipliers(),
             friction_change=solver.friction_change,
+            failure=failure.code,
             reason=str(failure),
-            is_infeasible=is_infeasible,
         )
     finally:
         solver.destroy()

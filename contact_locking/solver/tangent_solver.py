@@ -24,12 +24,11 @@ from typing import Any
 
 from petsc4py import PETSc
 
-from contact_locking.errors import NotConverged
 from contact_locking.solver.ksp import (
     FILTER_LIMIT,
     FROM_ANY_START,
-    LINEAR_FAILURE,
     IterationListener,
+    LinearFailure,
     Unblocked,
     chosen,
     create_ksp,
@@ -173,7 +172,7 @@ class MultigridTangents:
 
         By multigrid alone while the patience lasts, then with the filter.  Solves that are rough,
         and many, may leave more than others and are no reason for a filter.  ``follow`` adds forces
-        that follow the displacement.  Raises NotConverged, or PETSc's error.
+        that follow the displacement.  Raises LinearFailure, or PETSc's error.
         """
         self._follow = follow
         size = right.norm() or 1.0
@@ -189,7 +188,7 @@ class MultigridTangents:
             self._has_filtered = True
         left = self._improve(right, step, enough, self._most)
         if not left <= max(enough, _FAILED * size):
-            raise NotConverged(LINEAR_FAILURE)
+            raise LinearFailure
 
     def _mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """``y = (K + F) x``; called by PETSc."""

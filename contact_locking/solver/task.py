@@ -171,8 +171,7 @@ class Outcome:
     - ``friction_change``: the last relative change of the friction bounds
     - ``contraction``: the factor of their fixed point iteration, None if unknown
     - ``reason``, ``suggestion``: why the solve ended, and what may help, in words
-    - ``is_infeasible``: it is proved that nothing is admissible on this mesh
-    - ``is_unbalanced``: it is proved that no forces of contact and friction balance the loads
+    - ``failure``: the code of a failure; solver.infeasible and solver.unheld are proved
     - ``admissible_factor``: bounds of the largest possible share of the prescribed displacements
     - ``from_saved``: whether the solution was reached from a saved state
     - ``tangents``, ``linear``, ``updates``: the cost of all ``stages``
@@ -187,8 +186,7 @@ class Outcome:
     converged: bool = False
     reason: str = ""
     suggestion: str = ""
-    is_infeasible: bool = False
-    is_unbalanced: bool = False
+    failure: str = ""
     admissible_factor: tuple[float, float] | None = None
     from_saved: bool = False
     tangents: int = 0

@@ -109,7 +109,7 @@ def _stiffer(material: Any, is_modulus: bool = False) -> Any:
 def _numbers(solution: cl.StudySolution) -> Data:
     summary, history = solution.summary, list(solution.history)
     if not solution.converged:
-        infeasible = str(summary["reason"]).startswith("infeasible")
+        infeasible = solution.failure.startswith("solver.infeasible")
         return {"outcome": "infeasible" if infeasible else "not converged"}
     u = solution.displacement
     entries = summary.get("contacts") or ([summary] if "contact_force" in summary else [])

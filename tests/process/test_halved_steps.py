@@ -137,8 +137,10 @@ def test_no_time_beyond_one_at_which_nothing_is_admissible_is_tried(
 
     monkeypatch.setattr(ProblemSolver, "solve", solved)
     *_, last = solve_steps(parameters)
-    assert not last.converged and "infeasible" in last.summary["reason"]
-    refused = [t for t, report in zip(times, reports, strict=True) if report.is_infeasible]
+    assert last.failure == "solver.infeasible"
+    refused = [
+        t for t, report in zip(times, reports, strict=True) if report.failure == last.failure
+    ]
     assert refused[0] == 1.0 and len(refused) > 1
     assert refused == sorted(set(refused), reverse=True)
     for number, time in enumerate(times[1:], start=1):
@@ -170,11 +172,11 @@ def test_a_run_that_stops_has_the_last_solution_in_its_files(
 def test_a_refused_time_bars_later_ones_up_to_the_next_planned_time() -> None:
     timeline = Timeline(Steps(times=(1.0, 2.0)))
     timeline.refuse(1.1, Outcome(reason="too far"))
-    timeline.refuse(1.0, Outcome(reason="infeasible"))
+    timeline.refuse(1.0, Outcome(failure="solver.infeasible"))
     seen = [(timeline.target, timeline.is_barred)]
     assert timeline.fail()
     seen.append((timeline.target, timeline.is_barred))
-    assert timeline.explained("late", 0.5, 0.25)["reason"].startswith("infeasible, at t = 1; ")
+    assert timeline.explained("late", 0.5, 0.25)["failure"] == "solver.infeasible"
     timeline.succeed()
     seen.append((timeline.target, timeline.is_barred))
     assert seen == [(1.0, True), (0.5, False), (1.0, True)]

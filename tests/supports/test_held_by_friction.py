@@ -168,7 +168,7 @@ def test_a_pull_that_exceeds_the_friction_is_refused_in_any_unit(unit: float) ->
         data["material"]["elasticity"]["young"] = unit
     found = _solution(data)
     assert not found.converged
-    assert "friction cannot hold the body" in found.summary["reason"]
+    assert found.failure == "solver.unheld"
 
 
 # It takes minutes on two ranks.
@@ -188,7 +188,7 @@ def test_a_body_that_its_support_leads_off_the_foundation_is_refused(
     *_, before, last = solving.solve_steps(Parameters.model_validate(data))
     assert before.converged
     assert not last.converged
-    assert f"{what} cannot hold the body" in last.summary["reason"]
+    assert last.failure == "solver.unheld"
     assert "translation along x and y" in last.summary["reason"]
 
 

@@ -38,21 +38,16 @@ GOOD = (SOLVED, INFEASIBLE, REFUSED, WEDGED, CLAIM)
 _DERIVED = 10
 # Beyond this the problem is impossible for certain, Clarabel's accuracy considered.
 _EXCESS = 1e-7
-# Words of what the program tells of forces that grow without a limit, and of the state it leaves.
-_GROWS = "grow with the penalty"
+# Words of the state that the program leaves where forces grow without a limit.
 _STATE = r"penalty\.n: (\S+), penalty\.epsilon: (\S+) and friction\.regularisation: (\S+)"
 # Of forces that balance each other loads and elasticity ask for a smaller share than this.
 _NEEDLESS = 0.05
-# Words of the criterion that asks for a finer mesh where a foundation enters between the nodes.
-_MISSED = "that the nodes miss"
-# Words of what the program claims about a problem that it does not solve.
-_CLAIMS = (
-    "infeasible",
-    "cannot hold the body",
-    _GROWS,
-    "nothing resists",
-    _MISSED,
-)
+_INFEASIBLE = ("solver.infeasible", "solver.infeasible_limit")
+_UNHELD, _GROWS = "solver.unheld", "solver.forces_grow"
+# The criterion that asks for a finer mesh where a foundation enters between the nodes.
+_MISSED = "certificate.penetration_between_nodes"
+# What the program claims about a problem that it does not solve.
+_CLAIMS = (*_INFEASIBLE, _UNHELD, _GROWS, "solver.loose", _MISSED)
 
 
 @dataclass
@@ -183,23 +178,24 @@ def _compared(case: Case, seen: _Seen, outcome: Outcome) -> list[str]:
 def _judge_unsolved(case: Case, seen: _Seen, outcome: Outcome) -> None:
     """Whether what is told of a problem without a solution is right."""
     told, judge, study = outcome.reason, seen.judge, outcome.study
+    code = seen.last.failure
     times = [entry.time for entry in seen.moments] + [seen.last.time or 1.0]
     if seen.complaint:
         outcome.kind, outcome.reason = WRONG, seen.complaint
-    elif told.startswith("infeasible") and judge.rest_is_admissible(times):
+    elif code in _INFEASIBLE and judge.rest_is_admissible(times):
         outcome.kind, outcome.reason = WRONG, f"the body at rest is admissible, but: {told}"
     elif case.row:
-        outcome.kind = CLAIM if any(words in told for words in _CLAIMS) else NOT_SOLVED
-    elif told.startswith("infeasible"):
+        outcome.kind = CLAIM if code in _CLAIMS else NOT_SOLVED
+    elif code in _INFEASIBLE:
         outcome.kind = INFEASIBLE
         if "steps" not in study:
             _judge_infeasible(case.truth, judge, outcome)
-    elif any(words in told for words in (*case.truth.messages, _MISSED)):
+    elif code == _MISSED or any(words in told for words in case.truth.messages):
         outcome.kind = REFUSED
-    elif "cannot hold the body" in told and "steps" in study:
+    elif code == _UNHELD and "steps" in study:
         is_right = cannot_balance(judge, times[-1])
         outcome.kind = REFUSED if is_right else NOT_SOLVED
-    elif _GROWS in told:
+    elif code == _GROWS:
         is_right = "steps" in study or balances_itself(study, seen.last)
         outcome.kind = WEDGED if is_right else NOT_SOLVED
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from report_folder import REASON, page, quick, rows, run_folder, study_folder
 
+from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.view import report
 from contact_locking.view.report.page import environment
 from contact_locking.view.report.trends import Differences
@@ -66,12 +67,12 @@ def test_a_report_of_a_body_in_three_dimensions_has_its_points(tmp_path: Path) -
 def test_a_run_that_did_not_converge_says_why_first(own_run: Path) -> None:
     reason, way_out = "infeasible: no field < M near (1, 2)", "Lower them."
     summary = own_run / "summary.json"
-    change(summary, converged=False, reason=reason, suggestion=way_out)
+    change(summary, converged=False, failure=Infeasible.code, reason=reason, suggestion=way_out)
     text = page(own_run)
     verdict = r'<div class="verdict bad">\s*<strong>Infeasible on this mesh</strong>'
     assert re.search(rf"<h1>.*</h1>\s*{verdict}", text)
     assert "no field &lt; M near (1, 2)" in text and way_out in text
-    change(summary, reason="too many steps")
+    change(summary, failure=NotConverged.code)
     assert "<strong>Not converged</strong>" in page(own_run)
 
 

@@ -205,7 +205,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     return html, [*over_steps, *(chart for _, charts in drawn for chart in charts)]
 
 
-_NOT_BETWEEN = ("converged", "case", "reason", "suggestion", "warnings")
+_NOT_BETWEEN = ("converged", "case", "failure", "reason", "suggestion", "warnings")
 _ROW_KIND = {"converged": None, "not run": "waiting"}
 #: The column with the reason of a failure, the warnings and the weakness of a result.
 REMARKS = "remarks"
