@@ -211,8 +211,7 @@ class BodyFields:
 
     - ``locking_limit``: M of the ball; with other sets of strains the largest ``|eps|`` in K along
       eps(u), so that ``|eps|`` over it is the utilisation of K
-    - ``locked``: 1 where the utilisation is 1, else 0
-    - ``von_mises``: None if the stress across the plane is not known
+    - ``locked``, ``von_mises``: 1 where the utilisation is 1, else 0; None if sigma_zz is unknown
     """
 
     #: The names of all fields.
