@@ -254,11 +254,11 @@ class TerminalMonitor(Monitor):
     def step(self, number: int, left: int, time: float) -> None:
         self.finish()
         self._step = f"step {number}  t = {time:.6g}  ({left} to do)  "
-        # The solve of each step counts from zero.
-        self._counts = self._before = (0, 0)
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self.finish()
+        if index == 1:  # each solve counts from zero
+            self._counts = self._before = (0, 0)
         of = f"/{count_estimate}" if index <= count_estimate else ""
         self._stage = f"{self._step}stage {index}{of}  n = {n:.3g}  epsilon = {epsilon:.3g}"
         self._iterations, self._krylov, self._residual = 0, 0, None
@@ -282,8 +282,6 @@ class TerminalMonitor(Monitor):
     def mesh(self, number: int, text: str) -> None:
         self.finish()
         self._line(f"mesh {number}: {text}")
-        # The solve on the next mesh counts from zero.
-        self._counts = self._before = (0, 0)
 
     def counted(self, tangents: int, friction_updates: int) -> None:
         self._counts = (tangents, friction_updates)

@@ -203,7 +203,7 @@ def variables_of(parameters: Parameters) -> list[Variable]:
         if given.start is not None:
             try:
                 with_start = with_values(parameters, {key: given.start})
-            except (ValueError, KeyError) as error:
+            except (InputError, KeyError) as error:
                 raise InputError(f"{key} cannot be {given.start:g}: {error}", place) from error
             start = number_at(with_start, key, place)
         else:
@@ -283,7 +283,7 @@ class Model:
         values = {**case.changes, **dict(zip(self.keys, map(float, numbers), strict=True))}
         try:
             return with_values(self.parameters, values)
-        except (ValueError, KeyError) as error:
+        except (InputError, KeyError) as error:
             text = error.args[0] if isinstance(error, KeyError) else str(error)
             raise InputError(
                 f"{case.experiment.path}: these values do not fit: {values}; {text}",

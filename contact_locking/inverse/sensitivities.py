@@ -40,7 +40,7 @@ from contact_locking.solver.settings import Settings
 from contact_locking.solver.task import Outcome, Task
 from contact_locking.study_file.dump import plain
 from contact_locking.study_file.parameters import Parameters
-from contact_locking.study_file.reading import assign
+from contact_locking.study_file.reading import assign, from_mapping
 
 # These sections have no number that the equations depend on smoothly.
 _NOT_SMOOTH = (
@@ -88,7 +88,7 @@ def with_number(parameters: Parameters, key: str, value: float) -> Parameters:
     """
     try:
         return with_values(parameters, {key: value})
-    except ValueError as error:
+    except InputError as error:
         raise InputError(
             f"{key} has a bound at its value, beyond which a derivative needs to look",
             "sensitivities.to",
@@ -98,14 +98,14 @@ def with_number(parameters: Parameters, key: str, value: float) -> Parameters:
 def with_values(parameters: Parameters, values: Mapping[str, Any]) -> Parameters:
     """One solve with other values at dotted keys: without derivatives, a fit and a study.
 
-    Raises ValueError for values that the keys do not take, and KeyError for an unknown place.
+    Raises InputError for values that the keys do not take, and KeyError for an unknown place.
     """
     data = plain(parameters)
     for section in ("sensitivities", "fit", "study"):
         data.pop(section, None)
     for key, value in values.items():
         assign(data, key, value)
-    return Parameters.model_validate(data)
+    return from_mapping(data)
 
 
 # A family of points with more than this share near a change is told of.

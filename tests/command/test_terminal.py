@@ -24,11 +24,14 @@ def test_the_monitor_of_a_terminal_ends_with_a_line_per_stage_and_warns_on_stand
     monitor.stage(2, 2, 100.0, 0.01)
     monitor.iteration(1, 1e-9)
     monitor.counted(5, 1)
+    monitor.stage(1, 1, 1000.0, 0.0)  # another solve
+    monitor.counted(1, 0)
     monitor.finish()
     output, errors = capsys.readouterr()
     assert errors == "warning: [bold]nothing[/bold]\n"
     assert "stage 1/2  n = 10  epsilon = 0.1  2 tangents, 1 friction update, residual" in output
     assert "stage 2/2  n = 100  epsilon = 0.01  3 tangents, residual 1.0e-09" in output
+    assert "stage 1/1  n = 1e+03  epsilon = 0  1 tangent, 0." in output
 
 
 def test_what_a_solution_holds_can_be_imported_from_the_package() -> None:

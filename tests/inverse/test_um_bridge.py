@@ -123,7 +123,7 @@ def test_a_wrong_request_is_answered_by_an_error(
     url: str, path: str, request_: dict[str, Any]
 ) -> None:
     refused = ask(f"{url}/{path}", **request_)
-    assert refused["type"] and refused["message"]
+    assert refused["message"] and refused["type"] != "ValidationError"
     assert ask(f"{url}/InputSizes") == {"inputSizes": [3]}  # the server goes on
 
 
