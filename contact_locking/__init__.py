@@ -47,8 +47,6 @@ if TYPE_CHECKING:
     from contact_locking.laws.material import Elasticity as Elasticity
     from contact_locking.process.adaptive_meshes import adapt as adapt
     from contact_locking.process.loop import Process as Process
-    from contact_locking.process.settings import Adaptation as Adaptation
-    from contact_locking.process.settings import Steps as Steps
     from contact_locking.results.output import Extras as Extras
     from contact_locking.results.output import Output as Output
     from contact_locking.results.output import Probe as Probe
@@ -71,7 +69,9 @@ if TYPE_CHECKING:
     from contact_locking.shapes.analytic import Sphere as Sphere
     from contact_locking.shapes.faceted import Polyline as Polyline
     from contact_locking.shapes.faceted import TriangulatedSurface as TriangulatedSurface
+    from contact_locking.solver.settings import Adaptation as Adaptation
     from contact_locking.solver.settings import Settings as Settings
+    from contact_locking.solver.settings import Steps as Steps
     from contact_locking.study_file import from_mapping as from_mapping
     from contact_locking.study_file import load as load
     from contact_locking.study_file.parameters import Parameters as Parameters
@@ -97,7 +97,6 @@ _NAMES = {
     "laws.material": "Eigenstrain Elasticity",
     "process.adaptive_meshes": "adapt",
     "process.loop": "Process",
-    "process.settings": "Adaptation Steps",
     "results.output": "Extras Output Probe",
     "running.solving": "solve solve_adaptively solve_assembled solve_steps",
     "results.solution": "Solution State",
@@ -105,7 +104,7 @@ _NAMES = {
     "inverse.derivatives": "Number",
     "shapes.analytic": "Cylinder HalfSpace LevelSet Sphere",
     "shapes.faceted": "Polyline TriangulatedSurface",
-    "solver.settings": "Settings",
+    "solver.settings": "Adaptation Settings Steps",
     "running.assembly": "assemble check",
     "study_file": "from_mapping load",
     "study_file.parameters": "Parameters",

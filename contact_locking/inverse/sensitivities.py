@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from typing import Any
 
@@ -202,9 +202,9 @@ class LazyDerivatives:
             self._made.destroy()
             self._made = None
 
-    def __del__(self) -> None:
+    def __del__(self, is_finalized: Callable[[], bool] = PETSc.Sys.isFinalized) -> None:
         # The garbage collector clears the contexts of PETSc's objects before PETSc destroys these.
-        if self._solver.problem.domain.comm.size == 1 and not PETSc.Sys.isFinalized():
+        if self._solver.problem.domain.comm.size == 1 and not is_finalized():
             self.close()
 
 

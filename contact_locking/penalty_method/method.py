@@ -20,7 +20,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.laws.limits import Penalty
 from contact_locking.penalty_method.equations import Equations
 from contact_locking.penalty_method.newton import Newton
-from contact_locking.solver.explain import BOUND_ADVICE
+from contact_locking.solver.strategy import BOUND_ADVICE
 from contact_locking.solver.task import Outcome, SavedState, Target, Task, stage_of
 
 # The softest penalties: n over the largest eigenvalue of A, and lengths over that of the body.

@@ -33,9 +33,9 @@ from contact_locking.mesh.parts import NamedFacets
 from contact_locking.mesh.sources import WholeMesh, elements, gather_cells, gather_mesh, spread
 from contact_locking.meshes.geometry import Curved, rounded
 from contact_locking.parallel import on_root
-from contact_locking.process.settings import Adaptation
 from contact_locking.results.solution import Solution
 from contact_locking.solver.monitor import Monitor
+from contact_locking.solver.settings import Adaptation
 
 S = TypeVar("S", bound=Solution)
 # The error has to fall below this share of itself in so many meshes.

@@ -32,11 +32,11 @@ from contact_locking.findings import Finding
 from contact_locking.process import checkpoint
 from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.settings import Steps
 from contact_locking.results.probes import in_step
 from contact_locking.results.quantities import columns, components
 from contact_locking.results.solution import Solution, State
 from contact_locking.results.table import Row, Table
+from contact_locking.solver.settings import Steps
 from contact_locking.solver.task import Outcome
 
 # How much later, as a share of the time, a proof is asked for where a step fails.

@@ -34,10 +34,10 @@ from contact_locking.results.derived import (
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
-from contact_locking.solver.explain import Reasons, Verdict
 from contact_locking.solver.ksp import UserOptions, chosen
 from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
+from contact_locking.solver.strategy import Reasons, Verdict
 from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import Outcome, SavedState, Target, Task
 

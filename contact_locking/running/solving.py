@@ -25,12 +25,11 @@ from contact_locking.process.adaptive_meshes import adapted
 from contact_locking.process.checkpoint import SavedSteps
 from contact_locking.process.loop import Process
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.settings import Adaptation
 from contact_locking.results.probes import sample
 from contact_locking.results.solution import Solution
 from contact_locking.running.assembly import StudyProblem, assemble, mesh_of
 from contact_locking.solver.monitor import Attentive, Monitor
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.settings import Adaptation, Settings
 from contact_locking.solver.task import Outcome
 from contact_locking.study_file import problem_fingerprint, require_parameters
 from contact_locking.study_file.parameters import Parameters

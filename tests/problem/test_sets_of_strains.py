@@ -92,6 +92,7 @@ def test_a_region_has_its_own_limits_in_place_of_all_of_the_material() -> None:
     problem = assemble(from_mapping(given), MPI.COMM_WORLD)
     shape, volume = problem.data.limits
     assert [shape.name, volume.name] == ["deviator", "volume at_least"]
+    assert vars(shape)["least"] == pytest.approx(math.sqrt(1 / 3))  # where eps_xx = eps_yy
     limited = [item.inverse_limit.x.array > 0.0 for item in (shape, volume)]
     assert np.array_equal(limited[0], ~limited[1])
     used = {e["name"]: e["utilisation_max"] for e in solved(from_mapping(given))["strain_sets"]}

@@ -11,11 +11,11 @@ from slow import slow
 from contact_locking import Parameters, solve_steps
 from contact_locking.process.loop import Timeline
 from contact_locking.process.problem_solver import ProblemSolver
-from contact_locking.process.settings import Steps
 from contact_locking.results.in_words import verdict
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.assembly import StudyProblem
 from contact_locking.running.run import run
+from contact_locking.solver.settings import Steps
 from contact_locking.solver.task import Outcome
 
 pytestmark = pytest.mark.serial

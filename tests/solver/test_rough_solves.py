@@ -11,7 +11,7 @@ from problems import block, solved
 
 from contact_locking.running.assembly import assemble
 from contact_locking.running.solving import SolvableStudy
-from contact_locking.solver.interior_point import farkas
+from contact_locking.solver.interior_point import judge
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.study_file import from_mapping
 
@@ -68,7 +68,7 @@ def test_no_iterate_proves_that_a_body_on_springs_cannot_give_way(
     target = SolvableStudy(assemble(pressed, MPI.COMM_SELF)).solver.target
 
     def noting(self: Iterate, scale: float, tolerance: float) -> float:
-        factors.append(farkas.excluded_factor(self, target))
+        factors.append(judge.excluded_factor(self, target))
         return measure(self, scale, tolerance)
 
     monkeypatch.setattr(Iterate, "equilibrium_residual", noting)

@@ -15,8 +15,8 @@ from problems import all_of, block, sheared
 from contact_locking import solve_steps
 from contact_locking.errors import InputError
 from contact_locking.process.loop import Timeline
-from contact_locking.process.settings import Steps
 from contact_locking.results.table import Table
+from contact_locking.solver.settings import Steps
 from contact_locking.study_file import dump, from_mapping, load
 from contact_locking.study_file.parameters.wording import REMOVED_KEYS, REMOVED_VALUES
 

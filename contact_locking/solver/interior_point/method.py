@@ -9,7 +9,7 @@ more than one with known bounds.
 1. Start: compute the elastic displacement (:mod:`start`).  If it is admissible and no contact has
    friction forces, it is the solution.  Otherwise each family starts near its central path.
 2. Measure equilibrium, laws, duality gap and friction bound (:mod:`judge`).  Stop at the
-   tolerances, or with a proof that nothing is admissible (:mod:`farkas`).  A penalised solution
+   tolerances, or with a proof that nothing is admissible (:mod:`judge`).  A penalised solution
    that the pieces of the laws will not finish goes on until each locking stress keeps its law.
    If rounding unbalances the forces, or makes the tangent of 3 singular, the next steps have a
    bounded stiffness.
@@ -39,9 +39,8 @@ from contact_locking.errors import Infeasible, NotConverged, raise_callback_erro
 from contact_locking.solver.interior_point.active_set import FAILURE, ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.family import Direction, Reaction
-from contact_locking.solver.interior_point.farkas import excluded_factor
 from contact_locking.solver.interior_point.iterate import Iterate, families_of
-from contact_locking.solver.interior_point.judge import Judge, Measures
+from contact_locking.solver.interior_point.judge import Judge, Measures, excluded_factor
 from contact_locking.solver.interior_point.search import Search
 from contact_locking.solver.interior_point.start import ElasticStart, rests
 from contact_locking.solver.interior_point.tangent import Tangent

@@ -26,9 +26,8 @@ from contact_locking.errors import InputError
 from contact_locking.expressions import POSITION
 from contact_locking.laws.limits import PenaltyParameters
 from contact_locking.plain_text import nearest
-from contact_locking.process.settings import Adaptation, Steps
 from contact_locking.results.output import Extras, Output
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.settings import Adaptation, Settings, Steps
 from contact_locking.study_file.parameters.problem import (
     LoadParameters,
     MaterialParameters,
