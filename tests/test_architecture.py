@@ -58,7 +58,7 @@ FORBIDDEN = tuple(
 MOST_AT_THE_ROOT = 12
 # The most lines of each folder, which only shrink.
 BUDGETS = {
-    "": 1540,
+    "": 1530,
     "certificate": 1730,
     "command": 940,
     "contact": 3550,

@@ -1,20 +1,20 @@
 """Equilibrium of every free node, balance of forces and moments, and the energy balance of a step.
 
-The energy balance has the work of the loads, the stored energy and the work lost in friction:
+The energy balance of a step is about the numerical dissipation ``N_k = W_k - (E_k - E_{k-1}) -
+D_k``, with the work W_k of the loads, the stored energy E_k and the dissipation D_k by friction.
+docs/guides/steps.md has its bounds and their proof.
 
-``N_k = W_k - (E_k - E_{k-1}) - D_k`` with its bounds and their proof is in docs/guides/steps.md.
+If bodies are paired anew in a step, W_k contains the change of the opening ``h_k`` by the new
+pairing.  The lower bound still holds.  The upper bound needs both states in one pairing and is
+omitted.
 
-Bodies that are paired anew in a step have another room ``h_k`` by the new pairing, whose jump of
-``u_{k-1}`` the room has in W_k.  The lower bound holds as before.  The upper bound takes both
-states in one pairing, and is left out.
-
-The forces of an eigenstrain eps_0 act at the nodes as loads do.  The balance counts their work, and
-``a(u, u)/2``.  A history has the elastic energy ``A(eps - eps_0)^2/2`` and the work of all else and
-of the change ``e`` of eps_0: with the same D_k,
+The forces of an eigenstrain eps_0 act at the nodes as loads do: the bounds count their work, and
+``a(u, u)/2`` as the energy.  The history has the elastic energy ``A(eps - eps_0)^2/2`` instead, and
+the work of everything else and of the change ``e`` of eps_0.  With the same D_k this means
 
     N_k + A e : e/2 - A e : eps(d),   E_k - A eps_0 : eps(u_k) + A eps_0 : eps_0/2,
 
-so that the distance of N_k to its lower bound, ``A(eps(d) - e)^2/2`` now, does not change.
+and the distance of N_k to its lower bound, now ``A(eps(d) - e)^2/2``, is the same.
 """
 
 from __future__ import annotations
@@ -37,29 +37,27 @@ from contact_locking.problem import forms
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.results.derived import ContactFields
 
-# The residuals of the free nodes, up to the tolerance of the solver, may add up in the sum of all
-# forces and moments.  The limit of a balance is this multiple of the tolerance.
+# The limit of a balance over the tolerance of the solver: residuals of free nodes may add up in the
+# sum of all forces and moments.
 _BALANCE_SHARE = 10.0
 
 
 @dataclass(frozen=True)
 class Equilibrium:
-    """Resultants on the body, (d,) each, and its balances.
+    """Resultants on the body, (d,) each, and relative errors of its balances.
 
-    ``reactions_by_part`` has the reactions of each boundary part with prescribed displacements or
-    springs, whose forces are reactions.
+    - ``residual``: ``|a(u, v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f, v)|`` over
+      the free dofs, over the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs
+    - ``force``, ``moment``: of the sum of loads, contact forces and reactions, over the largest of
+      the three sums of nodal magnitudes, times the extent of the body for the moment; of an
+      axisymmetric body only the axial force is balanced, and ``moment`` is None
+    - ``loads``, ``contact``, ``reactions``: the resultants
+    - ``reactions_by_part``: by boundary part with prescribed displacements or springs
+    - ``tools``: for each pushed foundation with direction m
+      ``|F - k q - int (sigma_tau - p nu) . m|``, over F or the integral of the magnitudes
 
-    ``residual`` is ``|a(u, v) + (Z, eps(v)) + int p v_nu - int sigma_tau . v_tau - (f, v)|`` over
-    the free dofs, divided by the larger of the norms of ``(f, v)`` and ``a(u, v)`` over all dofs.
-    ``force`` and ``moment`` are the sums of loads, contact forces and reactions.  The force is
-    relative to the largest of the three sums of nodal force magnitudes, and the moment to this sum
-    times the extent of the body.  Forces as small as the rounding in ``u``, or in the reactions,
-    which a strain beyond its limit makes large, count as zero.  The forces of a user's own energy
-    take part in all three.  ``tools`` has for each free motion m of a foundation
-    ``|F - k q - int (sigma_tau - p nu) . m|`` relative to F or to the integral of the magnitudes.
-
-    The radial forces on an axisymmetric body balance by symmetry, and have no resultant.  The force
-    along the axis alone is balanced then, and ``moment`` is None.
+    Forces as small as the rounding in u or in the reactions count as zero.  The forces of a user's
+    own energy are included.
     """
 
     residual: float
@@ -91,7 +89,7 @@ class Equilibrium:
 class NodalForces(NamedTuple):
     """Loads, elastic forces, and forces of contact and of a user's own energy, at the local dofs.
 
-    ``reacting`` are the forces that the reactions balance, zero at free dofs in equilibrium.
+    ``reacting`` are the reactions, which are zero at free dofs in equilibrium.
     """
 
     load: FloatArray
@@ -104,9 +102,8 @@ class NodalForces(NamedTuple):
 def nodal_forces(state: SolvedState) -> NodalForces:
     """The forces of the stored stress, pressure and traction, and the loads; collective.
 
-    The contact forces are sums over the nodes with the nodal weights.  They do not use the solver's
-    forms of contact, so that a wrong sign in either place shows.  Loads and elastic forces are the
-    forms of the solver.
+    Contact forces are computed apart from the solver, so that a wrong sign in either place shows.
+    Loads and elastic forces use the forms of the solver.
     """
     u, data = state.problem.u, state.problem.data
     v = ufl.TestFunction(u.function_space)
@@ -160,7 +157,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
             magnitude = max(magnitude, state.sum(np.linalg.norm(nodal, axis=1)))
         turning = moments(x - centre, nodal).sum(axis=0)
         moment = moment + state.comm.allreduce(turning)
-    # At rest and in a rigid motion all forces are rounding, whose sums must not fail the balances.
+    # At rest and in rigid motions all forces are rounding, and the balances must still hold.
     count = np.sqrt(state.comm.allreduce(owned))
     size = max(magnitude, count * rounding / (_BALANCE_SHARE * tolerance)) or 1.0
     axisymmetric = state.problem.domain.axisymmetric
@@ -183,9 +180,9 @@ def equilibrium(state: SolvedState) -> Equilibrium:
 
 
 def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
-    """The share of the forces along each free motion that nothing balances; collective.
+    """The relative imbalance along the travel of each pushed foundation; collective.
 
-    ``least`` is the force below which forces are rounding.
+    Forces below ``least`` are rounding.
     """
     of_contact = {id(fields.contact): fields for fields in state.contacts}
     shares = []
@@ -201,10 +198,10 @@ def _tool_balances(state: SolvedState, least: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class Touch:
-    """One contact in equilibrium: nodal weights (k,), zero at held nodes, and what acts there.
+    """One contact in equilibrium, at its k nodes.
 
-    ``displacement`` (k, d) are limited values, ``normal`` (k, d) is the contact normal, and
-    ``traction`` (k, d) is ``sigma_tau``; gap, pressure and friction bound are (k,).
+    - ``weights``, ``gap``, ``pressure``, ``bound``: (k,); weights are zero at held nodes
+    - ``displacement``, ``normal``, ``traction``: (k, d), with ``sigma_tau`` as the traction
     """
 
     weights: FloatArray
@@ -230,7 +227,7 @@ class Touch:
 
     @classmethod
     def at_rest(cls, state: SolvedState, fields: ContactFields) -> Touch:
-        """The contact before the first step, where an obstacle that would overlap touches."""
+        """The contact before the first step; a foundation that would overlap touches."""
         none, gap, weights = 0.0 * fields.gap, np.maximum(fields.gap, 0.0), state.weights(fields)
         still = np.zeros_like(fields.normal)
         return cls(weights, still, fields.normal, gap, none, still, none)
@@ -244,12 +241,13 @@ class Touch:
 class Moment:
     """A state at one time, for the energy balance with the next state.
 
-    ``displacement`` holds local values, ``forces`` the external forces at the owned dofs.
-    ``contacts`` has what acts at each contact.  ``stored`` is the stored energy, and ``work`` the
-    work that defects are relative to.  ``negligible`` is the norm of forces that the tolerance of
-    the solver does not tell from rounding.  ``eigenstrain`` has the local values of eps_0, and
-    ``eigenstrain_energy`` is ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``.  Out of equilibrium, as
-    after a restart with other data, the balance of the next step has no bounds.
+    - ``displacement``, ``forces``: local values, and external forces at the owned dofs
+    - ``contacts``: each contact with its pressure and friction
+    - ``stored``, ``work``: the stored energy, and the work that errors are relative to
+    - ``negligible``: the norm of forces below which they are rounding
+    - ``eigenstrain``: the local values of eps_0
+    - ``eigenstrain_energy``: ``-(A eps_0, eps(u)) + (A eps_0, eps_0)/2``
+    - ``in_equilibrium``: False after a restart with other data; the next step then has no bounds
     """
 
     displacement: FloatArray
@@ -298,11 +296,10 @@ class Moment:
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Work, energies and numerical dissipation of a step, and the bounds of the latter.
+    """Work, stored energy, dissipation by friction and numerical dissipation of a step.
 
-    ``defect`` is how far the numerical dissipation lies outside of its bounds, relative to the work
-    of the states, of the nodal forces, or of what rounding makes of these, whichever is largest;
-    None without bounds.
+    ``defect`` is the distance of the numerical dissipation from its bounds, relative to the largest
+    of the work of the states, of nodal forces and of rounding; None without bounds.
     """
 
     work: float
@@ -313,7 +310,7 @@ class EnergyBalance:
 
     @classmethod
     def of_row(cls, row: Mapping[str, float]) -> EnergyBalance:
-        """The balance that a row of history.csv has."""
+        """The balance from a row of history.csv."""
         defect = None if math.isnan(row["energy_defect"]) else row["energy_defect"]
         return cls(row["work"], row["stored"], row["dissipated"], row["numerical"], defect)
 
@@ -340,7 +337,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
     )
 
     def work_of(moment: Moment, at: Moment) -> float:
-        """The work of the forces of a moment, with the change of the room at a displacement."""
+        """The work of the forces of a moment, with the change of the opening at a displacement."""
         total = state.sum(moment.forces * moved)
         for (fields, old, new), acting, placed in zip(
             places, moment.contacts, at.contacts, strict=True
@@ -360,7 +357,7 @@ def energy_balance(before: Moment, state: SolvedState) -> tuple[EnergyBalance, M
         highest = math.inf
     outside = max(quadratic - numerical, numerical - highest, 0.0)
     size = max(after.work, before.work, state.sum(np.abs(after.forces * moved)))
-    # A body that moves without being strained, or back from there, has forces of rounding.
+    # The forces of a body that moves almost without strain are rounding.
     negligible = max(before.negligible, after.negligible)
     size = max(size, negligible * float(np.sqrt(state.sum(moved**2))))
     for fields, _, acting in places:
@@ -396,7 +393,7 @@ def _friction_work(state: SolvedState, fields: ContactFields) -> float:
 
 
 def _stored(state: SolvedState) -> float:
-    """``E``, with a user's own energy; collective."""
+    """``E``, including a user's own energy; collective."""
     penalty, points = state.target.penalty, state.points
     total = state.energy
     if np.isfinite(penalty.n):

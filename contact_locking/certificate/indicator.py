@@ -1,4 +1,4 @@
-"""An indicator of the discretisation error by recovery of the total stress and the strain."""
+"""An indicator of the discretisation error, by recovered stresses and strains."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from contact_locking.laws.body import mandel_values
 from contact_locking.mesh.data import lagrange, nodal_functions
 from contact_locking.mesh.distribution import summed
 
-# Where the points of a patch do not determine a quadratic polynomial, the quadratic terms vanish:
-# their squares, with this factor, are added to the squares of the differences at the points.
+# The factor of the squares of quadratic terms that are added to the least squares of a patch, so
+# that they vanish where its points do not determine a quadratic polynomial.
 _REGULARISATION = 1e-4
 
 
@@ -100,9 +100,9 @@ def cell_field(state: SolvedState, name: str, square: FloatArray) -> fem.Functio
 
 
 def _defect_of_quadratic(state: SolvedState, values: FloatArray) -> FloatArray:
-    """The recovered minus the given fields (k, nodes, m) at the nodes of degree 2 in each cell.
+    """The recovered minus the computed fields (k, nodes, m) at the nodes of degree 2 in each cell.
 
-    ``values`` are those at the points of the strains.  Collective.
+    ``values`` are at the points of the strains.  Collective.
     """
     mesh, kind = state.problem.domain.mesh, state.problem.domain.kind
     at_points = _at(state, values, gauss_points(kind.name))
@@ -172,7 +172,7 @@ def _patch_recovery(
 
 
 def _at(state: SolvedState, values: FloatArray, places: FloatArray) -> FloatArray:
-    """The values (k, n, m) at n places of each cell of those at the points of the strains."""
+    """Values at the points of the strains, interpolated to n places of each cell: (k, n, m)."""
     element, name = state.problem.element, state.problem.domain.kind.name
     if element.strain_degree == 0:
         return values[:, None]
@@ -213,7 +213,7 @@ def nodal_means(
     """
     weighted = np.column_stack([values, np.ones(len(values))]) * weights[:, None]
     sums = summed(nodes_of, corners, np.repeat(weighted[:, None], corners.shape[1], axis=1))
-    # Nodes without a cell have no mean, and no cell has such a node.
+    # The means of nodes without a cell are not used.
     means = sums[:, :-1] / np.where(sums[:, -1:] > 0.0, sums[:, -1:], 1.0)
     return np.asarray(means[corners])
 

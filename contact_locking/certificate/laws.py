@@ -1,9 +1,9 @@
-"""The criteria for the laws of locking, contact and friction, for the stored stress and tractions.
+"""Criteria that stored stress, pressures and tractions obey locking, contact and friction laws.
 
-This module repeats the formulas of the laws on purpose, in NumPy and from the conjugate functions,
-so that an error in the laws of the solver shows here.  For a fixed friction bound each law reads
-``z in d phi(x)``, and the sum ``phi(x) + phi*(z) - z x >= 0`` of Fenchel vanishes exactly where the
-law holds.  In equilibrium the sum over all laws is the duality gap.
+This module repeats the laws on purpose, in NumPy and by their conjugate functions, so that an error
+in the laws of the solver shows here.  For a fixed friction bound each law is ``z in d phi(x)``, and
+Fenchel's sum ``phi(x) + phi*(z) - z x >= 0`` is zero exactly if the law holds.  In equilibrium the
+sum over all laws is the duality gap.
 """
 
 from __future__ import annotations
@@ -19,26 +19,26 @@ from contact_locking.results.contact_points import OPEN
 from contact_locking.results.derived import ContactFields
 
 # The interior point method stops at a duality gap of this tolerance.  With the margin the criteria
-# accept the work that its solutions leave, 1.4e-7 of the elastic energy, and refuse a lost factor
-# or sign, which leaves 1e-5 and more for n up to 1e4.  A coarser solver has a coarser limit.
+# accept its solutions, with errors up to 1.4e-7 of the elastic energy, and refuse a lost factor or
+# sign, with 1e-5 and more for n up to 1e4.  A larger tolerance of the solver raises the limit.
 _TOLERANCE = 1e-8
 _MARGIN = 100.0
-# One product or one direct solve applies R: rounding leaves 1e-14.
+# R is one product or one direct solve, with a rounding of 1e-14.
 _CONSTANTS = 1e-10
 #: The criterion about foundations that enter between the nodes.
 ENTRY = "penetration_between_nodes"
-# A foundation that enters between the nodes by half of its indentation is missed by the nodes.
+# The largest depth of a foundation between the nodes over its indentation.
 _ENTRY = 0.5
-# Tractions at open nodes are rounding and what the tolerances leave of the bound.
+# The largest share of tractions at open nodes, which the tolerances permit.
 _OPEN = 1e-4
-# Bodies touch by their facets to this share of their relative displacement.
+# The largest distance of touching bodies over their relative displacement.
 _APART = 0.3
-# A node that presses has at most this multiple of the area that the other body covers.
+# The largest area of a pressing node over the part of it that the other body covers.
 _SLIVER = 30.0
 
 
 def law_limit(state: SolvedState) -> float:
-    """The limit of defects relative to the work: the tolerance of the solver with a margin."""
+    """The limit of errors relative to the work: the tolerance of the solver with a margin."""
     return _MARGIN * max(state.settings.tolerance, _TOLERANCE)
 
 
@@ -90,10 +90,10 @@ def law_criteria(state: SolvedState) -> dict[str, Criterion]:
 
 
 def entry_criterion(state: SolvedState) -> dict[str, Criterion]:
-    """Whether the foundations stay out of the body between the nodes of Gamma_C, too; collective.
+    """Whether foundations also stay out of the body between the nodes of Gamma_C; collective.
 
-    The conditions of contact hold at the nodes.  A foundation that is narrower than a facet may
-    enter between them, where nothing keeps it out, to any depth.
+    The conditions of contact hold at the nodes only, and a foundation that is narrower than a facet
+    may enter between them to any depth.
     """
     if not state.contacts:
         return {}
@@ -216,7 +216,7 @@ def friction(state: SolvedState, fields: ContactFields) -> tuple[float, float, f
     work = -np.sum(fields.traction * fields.increment, axis=1)
     regularised = epsilon * np.sqrt(np.maximum(fields.bound**2 - size**2, 0.0))
     products = np.abs(fields.bound * slip - regularised - work)
-    # A friction bound that is less on average is not told from zero.
+    # A friction bound that is smaller on average counts as zero.
     area = state.sum(fields.surface.weights)
     least = state.target.least_bound(state.mean_strain) * float(np.sqrt(area))
     most = max(state.sum(weights * fields.bound), least)
@@ -247,7 +247,7 @@ def bound_change(state: SolvedState, rubbing: list[ContactFields]) -> float:
 def held_nodes(state: SolvedState) -> float:
     """``int |p| + |sigma_tau|`` over the held nodes, relative to that over all nodes; collective.
 
-    A displacement condition decides at these nodes, and neither pressure nor friction acts.
+    At these nodes displacements are prescribed, and neither pressure nor friction acts.
     """
     carried = whole = 0.0
     for fields in state.contacts:
@@ -259,7 +259,7 @@ def held_nodes(state: SolvedState) -> float:
 
 
 def smoothing_constants(state: SolvedState, fields: ContactFields) -> float:
-    """``max |R 1 - 1|`` over the free nodes, where R has to keep constants; collective."""
+    """``max |R 1 - 1|`` over the free nodes, at which R must preserve constants; collective."""
     contact, free = fields.contact, ~state.held(fields)
     smoothing = contact.friction.smoothing
     change = (smoothing.apply(np.ones(len(free))) - 1.0)[free]

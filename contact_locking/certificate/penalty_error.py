@@ -1,4 +1,4 @@
-"""The distance of a penalised solution from that of the inequality, by lifts of boundary values."""
+"""A bound of the distance between the penalised solution and that of the inequality."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from contact_locking.parallel import maximum, minimum, on_any_rank, on_every_ran
 from contact_locking.solver.ksp import create_ksp, default_options, destroy_ksp
 from contact_locking.supports.conditions import Constraints
 
-# A prefix of its own: the options for the nonlinear solve do not concern these solves.
+# The prefix of PETSc options for these solves.
 _PREFIX = "contact_locking_certificate_"
-# The tolerance of CG, enough for a bound that holds with a margin.
+# The tolerance of CG.
 _RTOL = 1e-8
 # Rounding in strains and displacements, relative to the limit and to the body.
 _ROUNDING = 1e-12
@@ -33,24 +33,21 @@ _ENTRY_ROUNDING = 1e-10
 
 
 class NotApplicable(Exception):
-    """A part of the certificate does not exist for this problem; the message says why."""
+    """A part of the certificate does not apply to this problem; the message says why."""
 
 
 def require_still_foundations(state: SolvedState) -> None:
-    """Raise NotApplicable if the place of a foundation is an unknown.
-
-    Forces move it, or it is another body.
-    """
+    """Raise NotApplicable if a foundation is pushed by a force, or is another body."""
     if state.problem.data.is_paired:
-        raise NotApplicable("two bodies touch, and the proof is for foundations in a known place")
+        raise NotApplicable("two bodies touch; the proof needs foundations at known positions")
     if state.problem.data.tools:
         raise NotApplicable(
-            "forces decide where a foundation is, and the proof is for foundations in a known place"
+            "a force moves a foundation; the proof needs foundations at known positions"
         )
 
 
 class EllipticProblem:
-    """``b(z, v) = r(v)`` for all v without a held part; all methods are collective.
+    """``b(z, v) = r(v)`` for all v that are zero at held dofs; all methods are collective.
 
     Arrays are local values of the displacement space, ghosts included.
     """
@@ -93,7 +90,7 @@ class EllipticProblem:
             self.ksp.solve(b, x)
         except PETSc.Error as error:
             raise_callback_error(error)
-            raise NotApplicable("the linear solve that it takes failed") from error
+            raise NotApplicable("a linear solve failed") from error
         # CG may change the held part.
         solution.x.array[: self._owned] += self._constraints.free_part(x.array_r)
         solution.x.scatter_forward()
@@ -122,7 +119,7 @@ def on_contacts(
 
 
 def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> Constraints:
-    """The conditions, and one for Gamma_C and the nodes where ``dofs`` are 1; collective."""
+    """The constraints, with all of Gamma_C and the nodes where ``dofs`` are 1 fixed; collective."""
     space, surfaces = (
         state.problem.u.function_space,
         [contact.surface for contact in state.contacts],
@@ -134,12 +131,12 @@ def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> C
 
 
 class Lifting:
-    """Elastic fields with given values on Gamma_C and Gamma_D, with one factorisation for all.
+    """Elastic fields with given values on Gamma_C and Gamma_D, by one factorisation.
 
-    They are for proofs with the test function ``v = 0`` where 0 is not admissible.  A field w is
-    admissible if w has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C, and
-    ``|eps(w)| <= M``, with the strain in every other set of strains as well.  For proofs with
-    friction w must not slip either: ``w_tau = 0`` on Gamma_C.  :meth:`close` is collective.
+    They replace the test function ``v = 0`` in proofs for which 0 is not admissible.  A field w is
+    admissible if it has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C, and strains
+    in all sets, ``|eps(w)| <= M``.  With friction w must not slip either: ``w_tau = 0`` on Gamma_C.
+    :meth:`close` is collective.
     """
 
     def __init__(self, state: SolvedState) -> None:
@@ -204,7 +201,7 @@ class Lifting:
         if not all([self._nowhere(excess) for excess in excesses]):
             raise NotApplicable(
                 "the elastic displacement with the prescribed values exceeds the locking limit, "
-                "and no other field was tried"
+                "and no other admissible field is known"
             )
         small = _ROUNDING * state.target.length
         for fields in state.contacts:
@@ -218,7 +215,7 @@ class Lifting:
                 raise NotApplicable("prescribed displacements at the edge of Gamma_C slip")
 
     def _nowhere(self, values: FloatArray) -> bool:
-        """Whether no value of any rank is positive; collective."""
+        """Whether no value on any rank is positive; collective."""
         return not on_any_rank(self._state.comm, values > 0.0)
 
 
@@ -287,7 +284,7 @@ def energy_distance(state: SolvedState, w: fem.Function) -> float:
 
 
 def _longest_step(law: SetAtPoints, a: FloatArray, b: FloatArray) -> float:
-    """The largest theta in [0, 1] with ``a + theta b`` in the set at all points, as a is."""
+    """The largest theta in [0, 1] with ``a + theta b`` in the set at all points; a is in it."""
     locks = np.isfinite(law.limit)
     a, b, limit = a[locks], b[locks], law.limit[locks]
     if a.ndim == 1:

@@ -1,4 +1,4 @@
-"""A solved state, with what several parts of the certificate need: sizes, and strains at points."""
+"""A solved state with its scales, and strains at points, for all parts of the certificate."""
 
 from __future__ import annotations
 
@@ -27,10 +27,9 @@ from contact_locking.supports.conditions import Constraints
 
 @dataclass(frozen=True)
 class Criterion:
-    """A measured value that must not exceed its limit; ``meaning`` completes "the ... is".
+    """A relative value that must not exceed its limit; NaN counts as exceeding it.
 
-    Forces are relative to the acting forces, work to the elastic energy, and the change of the
-    friction bound to the friction bound.  A criterion whose value is NaN does not hold.
+    ``meaning`` completes "the ... is" in messages.
     """
 
     value: float
@@ -47,6 +46,9 @@ class Criterion:
 
 class SolvedState:
     """A problem with its solution ``problem.u``, its multipliers and the report of the solver.
+
+    - ``body``, ``contacts``: the fields in the body and at each contact
+    - ``mean_strain``, ``mean_stress``, ``work``: scales that values are judged by
 
     The constructor is collective.
     """
@@ -90,8 +92,8 @@ class SolvedState:
     def mean_strain(self) -> float:
         """``sqrt(a(u, u)/(alpha |Omega|))``, at least the rounding in the strain; collective.
 
-        With the largest eigenvalue of A in the place of alpha, the mean strain would vanish for
-        nearly incompressible bodies.
+        With the largest eigenvalue of A instead of alpha it would vanish for nearly incompressible
+        bodies.
         """
         tolerance = self.settings.tolerance
         return self.target.mean_strain(self.energy, self.largest_displacement, tolerance)
@@ -108,10 +110,10 @@ class SolvedState:
 
     @cached_property
     def work(self) -> float:
-        """The work of the state: ``alpha |Omega| |eps|^2/2 + |int Z : eps|``; collective.
+        """``alpha |Omega| |eps|^2/2 + |int Z : eps|`` with the mean strain |eps|; collective.
 
-        With the mean strain |eps| the first term is the elastic energy, except for rounding.  The
-        second term is the work of the locking stress, which can exceed the elastic energy by far.
+        The first term is the elastic energy, except for rounding.  The second, the work of the
+        locking stress, can be much larger.
         """
         elastic = 0.5 * self.mean_stress * self.mean_strain * self.points.volume
         points = self.points
@@ -121,7 +123,7 @@ class SolvedState:
     @cached_property
     def _held(self) -> dict[int, BoolArray]:
         constraints, domain = self.problem.constraints, self.problem.domain
-        # The conditions of one side say nothing of a jump.
+        # For two bodies the conditions of one side do not prescribe the jump.
         return {
             id(fields): are_held(domain, constraints, fields.surface.blocks, fields.normal)
             if not fields.surface.is_paired
@@ -152,11 +154,12 @@ class SolvedState:
 
 
 class StrainPoints:
-    """Values at the points of the strains in owned cells: tensors are (k, m, m), scalars (k,).
+    """Values at the k points of the strains in owned cells.
 
-    ``weights`` (k,) are the weights of the locking rule, and ``volume`` is the volume of the body.
-    ``sets`` are the sets of strains; ``limit`` and ``locking_stress`` are M of the ball and the sum
-    of the stresses of all sets.
+    - ``weights``, ``limit``: of the locking rule, and M of the ball, (k,)
+    - ``strain``, ``locking_stress``: eps(u) and Z, (k, m, m)
+    - ``sets``: the sets of strains with their multipliers
+    - ``volume``: of the body
     """
 
     def __init__(self, state: SolvedState) -> None:
@@ -220,10 +223,11 @@ class StrainPoints:
 
 @dataclass(frozen=True, eq=False)
 class SetAtPoints:
-    """One set of strains at the points of the strains, with its multiplier y.
+    """One set of strains at the points of the strains.
 
-    ``measured`` gives ``L eps(w)`` of a displacement w: (k, d, d), or (k,) for a half space.
-    ``limit`` (k,) is M.
+    - ``measured``: maps a displacement w to ``L eps(w)``: (k, m, m), or (k,) for a half space
+    - ``limit``: M (k,)
+    - ``multiplier``: y, in the shape of ``L eps``
     """
 
     measured: Callable[[fem.Function], FloatArray]
@@ -238,7 +242,7 @@ class SetAtPoints:
 
     @cached_property
     def pulling(self) -> FloatArray:
-        """The negative part (k,) of the multiplier of a half space, which a solution has not."""
+        """The negative part (k,) of the multiplier of a half space, which should be zero."""
         y = self.multiplier
         return np.maximum(-y, 0.0) if y.ndim == 1 else np.zeros(len(y))
 
@@ -248,27 +252,27 @@ class SetAtPoints:
         return np.where(np.isfinite(self.limit), self.limit, 0.0) * self.size
 
     def reach(self, measured: FloatArray) -> FloatArray:
-        """``|L eps|``, or ``L eps`` for a half space: (k,) of what is measured."""
+        """``|L eps|``, or ``L eps`` for a half space: (k,)."""
         return np.linalg.norm(measured, axis=(1, 2)) if measured.ndim > 1 else measured
 
     def excess(self, measured: FloatArray) -> FloatArray:
-        """``[|L eps| - M]^+``, or ``[L eps - M]^+`` for a half space: (k,) of what is measured."""
+        """``[|L eps| - M]^+``, or ``[L eps - M]^+`` for a half space: (k,)."""
         return np.maximum(self.reach(measured) - self.limit, 0.0)
 
     def most_work(self, measured: FloatArray) -> FloatArray:
-        """``|y| max(M, |L eps|)`` (k,): the work of y at what is measured, if y follows its law."""
+        """``|y| max(M, |L eps|)`` (k,): the work of a y that follows its law."""
         norm = self.reach(measured)
-        # A point without a limit must not turn M |y| into inf times 0.
+        # Without a limit M |y| must not be inf times 0.
         return self.size * np.maximum(np.where(np.isfinite(self.limit), self.limit, norm), norm)
 
     def work(self, measured: FloatArray) -> FloatArray:
-        """``y : L eps`` (k,) of what is measured."""
+        """``y : L eps`` (k,)."""
         if measured.ndim == 1:
             return self.multiplier * measured
         return np.einsum("kij,kij->k", self.multiplier, measured)
 
 
-# A unit normal lies along prescribed directions if less than this is left.
+# A unit normal is in the span of prescribed directions if its distance from it is below this.
 _ALONG = 1e-6
 
 
@@ -314,9 +318,9 @@ def are_held(
 ) -> BoolArray:
     """(k,) whether the conditions prescribe the displacement of nodes along normals (k, d).
 
-    ``nodes`` (k,) are owned blocks of the displacement space.  The directions are those that the
-    study file prescribes on the boundary parts around a node, and x on the axis of revolution: the
-    constraints of the solver are not used.  Collective.
+    ``nodes`` (k,) are owned blocks of the displacement space.  The directions are those prescribed
+    on the boundary parts around a node, and x on the axis of revolution; the constraints of the
+    solver are not used.  Collective.
     """
     dim, space = domain.dim, constraints.space
     spans = np.zeros((len(nodes), dim, dim))
@@ -333,7 +337,7 @@ def are_held(
 def _rows(
     domain: Domain, constraints: Constraints, nodes: IndexArray
 ) -> Iterator[tuple[str, IndexArray, FloatArray]]:
-    """For each part, the positions in ``nodes`` (m,) and the directions (m, d) that it holds."""
+    """For each part its name, positions in ``nodes`` (m,) and prescribed directions (m, d)."""
     dim = domain.dim
     for placed in (*constraints.components, *constraints.oblique):
         for name in placed.on:

@@ -1,4 +1,4 @@
-"""The certificate of a solved state: every measured value against its limit or proved bound."""
+"""The certificate of a solved state: criteria, balances, error estimates and what is proved."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from contact_locking.results.output import Extras
 
 @dataclass(frozen=True)
 class Proofs:
-    """What is proved about a solved state.
+    """What a wing proves about a solved state.
 
-    ``entries`` are further keys of the certificate in summary.json, and ``errors`` further error
-    estimates.  ``complaint`` says in words what contradicts the solution, ``reason`` why a solve
-    that has failed cannot arrive, and ``warnings`` what to mind.
+    - ``entries``: additional keys of the certificate in summary.json
+    - ``errors``: additional error estimates
+    - ``complaint``: a proof that the solution violates, in words
+    - ``reason``: why a failed solve has no solution, in words
+    - ``warnings``: findings about the solution
     """
 
     entries: Mapping[str, Any] = field(default_factory=dict)
@@ -37,8 +39,10 @@ class Proofs:
 class Certificate:
     """Criteria, resultants, error estimates and what is proved, for summary.json.
 
-    ``indicator`` is None if the error indicator is not applicable.  ``reactions`` has the reactions
-    of each boundary part with prescribed displacements.
+    - ``criteria``: by name, relative values with their limits
+    - ``resultants``, ``reactions``: forces on the body, and reactions by boundary part
+    - ``errors``, ``indicator``: error estimates, and eta_K by cell (None if not applicable)
+    - ``proofs``: what the wing ``theory`` adds
     """
 
     criteria: dict[str, Criterion]
@@ -55,7 +59,7 @@ class Certificate:
 
     @property
     def complaint(self) -> str:
-        """The criteria and the proofs that do not hold, in words; empty if all hold."""
+        """The criteria and proofs that are violated, in words; empty if there are none."""
         broken = [
             f"the {criterion.meaning} is {criterion.value:.1e}, above {criterion.limit:g}"
             for criterion in self.criteria.values()
@@ -82,7 +86,7 @@ class Certificate:
 
 
 def is_solved(state: SolvedState) -> bool:
-    """Whether equilibrium and the laws hold as in a solution; collective."""
+    """Whether equilibrium and all laws hold; collective."""
     criteria = equilibrium(state).criteria(state.settings.tolerance) | law_criteria(state)
     return all(criterion.holds for criterion in criteria.values())
 
@@ -90,9 +94,9 @@ def is_solved(state: SolvedState) -> bool:
 def certify(
     state: SolvedState, extras: Extras, criteria: Mapping[str, Criterion] | None = None
 ) -> Certificate:
-    """Judge a solved state, also by further ``criteria``; collective.
+    """The certificate of a solved state, with additional ``criteria``; collective.
 
-    Takes one solve with the inner product of V and, for a finite n, one elastic solve; the
+    It takes one solve with the inner product of V and, for a finite n, one elastic solve; the
     guaranteed bound takes one to ten solves more, with about six times the unknowns.
     """
     balance, names = equilibrium(state), ("loads", "contact", "reactions")

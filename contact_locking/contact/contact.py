@@ -79,12 +79,12 @@ class Motion(Concept):
 
     def _faults(self) -> Iterator[Fault]:
         if self.translation is None and self.rotation is None:
-            yield Fault((), "moves nothing: give translation, rotation or both")
+            yield Fault((), "has no motion: give translation, rotation or both")
         if (self.rotation is None) != (self.about is None):
             missing, present = (
                 ("about", "rotation") if self.about is None else ("rotation", "about")
             )
-            yield Fault((missing,), f"is missing beside {present}")
+            yield Fault((missing,), f"is missing; {present} needs it")
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if body.dim == 2 and isinstance(self.rotation, tuple):

@@ -23,26 +23,26 @@ from contact_locking.parallel import agree, maximum, on_any_rank, on_every_rank
 from contact_locking.shapes.shape import RigidMotion
 from contact_locking.supports.conditions import Constraints
 
-# The share of the friction bound that acts at nodes that cannot slide.
+# The friction bound at nodes that cannot slide, over the largest.
 _TINY = 1e-4
 # An overlap below this share of the extent of the body is rounding; a turn of normals is notable
 # above this share of the friction coefficient.
 _TOUCHING, _NOTABLE = 1e-9, 0.1
-# The frame of two sides is that at the solution if normals and gaps agree to this.
+# A pairing is kept if its normals and gaps are those at the solution to this accuracy.
 _SAME = 1e-3
 
 
 @dataclass(frozen=True)
 class ContactState:
-    """``u_{k-1}`` and the accumulated slip ``s_{k-1} = sum_j |u_{j,tau} - u_{j-1,tau}|``.
+    """What friction remembers of the previous step k - 1; zeros before the first step.
 
-    Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and the friction
-    coefficient depends on ``s_k``.  ``place`` (k, d) is ``u_{k-1}`` and ``slip`` (k,) is
-    ``s_{k-1}`` at the owned nodes of the contact.  ``travel`` (d,) is how far forces
-    had moved the foundation, and ``motion`` is where the foundation itself was.  All are zero at
-    the beginning, and in a static problem.  ``displacement`` are the values of
-    ``u_{k-1}`` at all local dofs, from which bodies are paired anew; it is None at the beginning,
-    and for others.  ``touches`` says whether anything touched.
+    Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and its coefficient
+    depends on the accumulated slip ``s_k = sum_j |u_{j,tau} - u_{j-1,tau}|``.
+
+    - ``place``, ``slip``: ``u_{k-1}`` (k, d) and ``s_{k-1}`` (k,) at the owned nodes of the contact
+    - ``travel``, ``motion``: how far a force had moved the foundation (d,), and its given motion
+    - ``displacement``: ``u_{k-1}`` at all local dofs, if bodies are paired anew; else None
+    - ``touches``: whether any node touched
     """
 
     place: FloatArray
@@ -62,24 +62,22 @@ class ContactState:
 class NodalContact:
     """Signorini's conditions (5) and Coulomb's law (6) at the nodes of one part of Gamma_C.
 
-    ``given`` holds the data of the contact, ``key`` its name in messages, and ``on`` are its
-    boundary parts.  ``foundation`` is its foundation at its place.  ``normals`` (k, d) are the
-    contact normals, and ``gaps`` (k,) the limited values of the gap.  ``friction`` computes
-    the friction bound of pressures and slips.  ``regularisation`` is the length that smooths
-    friction in the problem that is to be solved.  ``free`` (k,) marks the nodes whose normal
-    displacement is not prescribed; neither pressure nor friction acts at the other nodes.
-    ``slides`` (k,) marks those where conditions leave the jump to another body a way to slide.
-    ``against`` are the boundary parts of the other body that ``on`` touches, none for a foundation;
-    displacements are jumps then.
+    - ``given``, ``key``: the data of the contact, and its name in messages
+    - ``on``, ``against``: its boundary parts, and those of the other body (none for a foundation);
+      between two bodies displacements are jumps
+    - ``surface``: the nodes of the contact with their weights
+    - ``foundation``: at its present position
+    - ``normals``, ``gaps``: the contact normals (k, d), and the limited values of the gap (k,)
+    - ``friction``, ``regularisation``: the law of the friction bound, and the length eps of (22)
+    - ``free``: (k,) nodes whose normal displacement is not prescribed; contact acts only there
+    - ``slides``: (k,) nodes at which conditions permit a slip
+    - ``state``: what friction remembers of earlier steps
+    - ``travel``, ``drag``: how far forces have moved the foundation (d,), and its motion in the
+      step (k, d)
+    - ``references``: ``(u_{k-1} + drag)_tau`` (k, d), because slip is relative to the foundation
 
-    ``state`` is the memory of friction from earlier steps, ``travel`` (d,) how far forces
-    have moved the foundation, and ``drag`` (k, d) how far the foundation has moved in the step.
-    On a foundation that moves, the slip is relative to it: ``references`` (k, d) are
-    ``(u_{k-1} + drag)_tau``.
-
-    The constructor is collective.  ``surface`` is the place of the contact, and ``slip`` the
-    regularisation of a friction that has none of its own.
-    Raises InputError for a foundation behind Gamma_C.
+    The argument ``slip`` is the default of the regularisation.  The constructor is collective and
+    raises InputError for a foundation behind Gamma_C.
     """
 
     def __init__(
@@ -139,11 +137,10 @@ class NodalContact:
         return findings
 
     def _overlap(self) -> list[Finding]:
-        """The finding about a curved foundation with friction that rests at its end; collective.
+        """The finding about a curved foundation with friction that overlaps the body; collective.
 
-        Where depths and normals differ the foundation has come with a part of its way along the
-        body, which would be slip.  A press fit on a shaft has the normals of the body and one
-        depth.
+        If depths and normals vary, the foundation has moved partly along the body on its way, which
+        would be slip.  A press fit on a shaft has uniform depths, and the normals of the body.
         """
         surface, domain = self.surface, self.surface.domain
         mu: FloatArray = np.ones(len(surface.nodes))
@@ -167,7 +164,7 @@ class NodalContact:
         return [Finding("foundation.overlap", key, depth=depth.max(), turn=turn)]
 
     def constant_support(self) -> str | None:
-        """A held node beside which R keeps constants, as a place in words; collective."""
+        """Where, in words, a held node is next to which R preserves constants; collective."""
         domain, bound = self.surface.domain, self.friction
         if bound.frictionless or isinstance(bound.smoothing, Identity):
             return None
@@ -177,12 +174,12 @@ class NodalContact:
         return domain.where(held[np.lexsort(held.T[::-1])[0]])
 
     def set_memory(self, state: ContactState) -> None:
-        """Begin a step with the memory of friction."""
+        """Begin a step with what friction remembers."""
         self.state = state
         self._refresh()
 
     def update_foundation(self) -> None:
-        """Put the foundation to its present place, or pair bodies where they are; collective.
+        """Move the foundation to its present position, or pair the bodies anew; collective.
 
         Raises Misplaced for a foundation that has moved behind Gamma_C.
         """
@@ -195,7 +192,7 @@ class NodalContact:
             self._set_place(is_anew)
 
     def _set_place(self, is_anew: bool) -> None:
-        """Set gap, normals and the free nodes, with ``is_anew`` in a new frame; collective."""
+        """Set gap, normals and free nodes; ``is_anew`` says that the pairing is new; collective."""
         surface = self.surface
         if is_anew:
             before = self.state.displacement
@@ -210,7 +207,7 @@ class NodalContact:
         free, sides = surface.free_nodes(normals, self._constraints), surface.sides(normals)
         is_other = is_anew or on_any_rank(surface.domain.comm, free != self.free)
         if is_other or np.any(sides != self._sides):
-            # R leaves out the nodes that are not free, and each side is averaged alone.
+            # R ignores nodes that are not free, and averages over each side separately.
             if not self.friction.frictionless:
                 self.friction.smoothing.destroy()
                 self.friction.smoothing = self._kernel.on(surface, free, sides)
@@ -218,9 +215,9 @@ class NodalContact:
             self.slides = surface.sliding_nodes(self._constraints)
 
     def turn(self, u: fem.Function, presses: BoolArray) -> float:
-        """How far normals at ``presses`` (k,) turn to those where the bodies are; collective.
+        """The change of the normals at the nodes ``presses`` (k,) by pairing anew; collective.
 
-        It is 0 for a foundation, and an angle where it is small.
+        It is an angle, if small, and 0 for a foundation.
         """
         frame = self.surface.frame_at(u.x.array, must_face=False)
         if frame is None:
@@ -229,12 +226,11 @@ class NodalContact:
         return maximum(self.surface.domain.comm, turns[presses & frame.faces])
 
     def update_pairs(self, u: fem.Function, touches: BoolArray) -> bool:
-        """Go over to the frame at the solution u, if that is another one; collective.
+        """Pair the bodies as they are at the solution u; True if that changes anything; collective.
 
-        Another frame has normals that turn by more than 1e-3 at a node that ``touches`` (k,), or
-        gaps that change by more than 1e-3 of the largest jump, or of what displacements differ by
-        along the normal: the gaps are no better known if the bodies slide far.  Returns whether it
-        is another one.
+        It does if a normal turns by more than 1e-3 at a node that ``touches`` (k,), or a gap
+        changes by more than 1e-3 of the largest jump, or of the range of displacements along the
+        normal, because gaps are no more accurate if bodies slide far.
         """
         surface = self.surface
         if surface.frame is None or not self.pairs_anew:
@@ -246,7 +242,7 @@ class NodalContact:
         opening = self.gaps - self.split_nodal(jump)[0]
         anew = frame.distance + self.gaps - surface.distance
         entry = np.maximum(-anew, 0.0) - np.maximum(-opening, 0.0)
-        # Held nodes may be inside of the other body, as conditions decide there.
+        # Held nodes may be inside the other body, because their displacement is prescribed.
         may_enter = frame.faces & (self.free | ~surface.frame.faces)
         changes = np.where(touches, np.abs(anew - opening), np.where(may_enter, entry, 0.0))
         turns = np.linalg.norm(frame.normals - self.normals, axis=1)
@@ -267,12 +263,12 @@ class NodalContact:
         self._refresh()
 
     def move_foundation(self, travel: FloatArray) -> None:
-        """Let forces have moved the foundation by ``travel`` (d,)."""
+        """Set the ``travel`` (d,) of the foundation by forces."""
         self.travel = travel
         self._refresh()
 
     def _refresh(self) -> None:
-        """Take the travel of the foundation into gaps and slips."""
+        """Update gaps and references to the travel of the foundation."""
         self.gaps = self._gaps + np.sum(self.normals * self.travel, axis=1)
         self.drag = self._moved + (self.travel - self.state.travel)
         self.references = self.split_nodal(self.state.place + self.drag)[1]
@@ -284,7 +280,7 @@ class NodalContact:
 
     @property
     def pairs_anew(self) -> bool:
-        """Whether bodies are paired where they are at the solution of each step."""
+        """Whether two bodies are paired anew in each step."""
         return self.surface.frame is not None and self.given.pair != "once"
 
     def slid(self, u: fem.Function) -> FloatArray:
@@ -295,7 +291,7 @@ class NodalContact:
 
     @property
     def is_free(self) -> bool:
-        """Whether the place of the foundation is unknown: forces decide."""
+        """Whether the travel of the foundation is an unknown."""
         return self.given.is_free
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
@@ -322,7 +318,7 @@ class NodalContact:
     def friction_bound(self, u: fem.Function, pressure: FloatArray) -> FloatArray:
         """The friction bound (k,) of a displacement and a pressure (k,); collective.
 
-        It is zero at the nodes that are not free, where R gives the mean of the pressure around.
+        It is zero at the nodes that are not free, although R of the pressure is not.
         """
         return self.rubbing(self.friction.evaluate(pressure, self.slips(u)))
 
@@ -338,11 +334,10 @@ class NodalContact:
         return self.state.slip + np.linalg.norm(self.increment(u), axis=1)
 
     def state_after(self, u: fem.Function, touches: BoolArray, holds: BoolArray) -> ContactState:
-        """The memory of friction if the step ends with the displacement u; collective.
+        """What friction remembers after a step with the displacement u; collective.
 
-        ``touches`` (k,) marks the nodes that touch.  At nodes that stick without regularisation,
-        which ``holds`` (k,) marks, the slip is zero but for the tolerance of the solver, which
-        would add up over many steps: they keep their place.
+        ``touches`` (k,) marks the nodes that touch.  Nodes that stick without regularisation, which
+        ``holds`` (k,) marks, keep their reference: errors of the solver would add up over steps.
         """
         along, tangential = self.split(u)
         place = np.where(holds[:, None], self.references, tangential)
@@ -356,9 +351,9 @@ class NodalContact:
     def restore_step(
         self, reference: FloatArray, slip: FloatArray, displacement: FloatArray | None
     ) -> None:
-        """Judge a step again that began with ``reference`` (k, d) and the slip (k,); collective.
+        """Restore the start of a solved step: ``reference`` (k, d) and slip (k,); collective.
 
-        Bodies that are paired anew began it at the ``displacement``.
+        Bodies that are paired anew started it at the ``displacement``.
         """
         self.state = replace(self.state, slip=np.array(slip), displacement=displacement)
         if self.pairs_anew:
@@ -366,9 +361,9 @@ class NodalContact:
         self.references = reference
 
     def require_friction(self) -> None:
-        """Raise InputError for a mu or a user's own bound that is not from 0 up at each point.
+        """Raise InputError for a mu or a user's own bound that is negative or not finite somewhere.
 
-        Both are evaluated without slip, and the bound at a slight pressure.  Collective.
+        Both are evaluated without slip, and the bound at a small pressure.  Collective.
         """
         friction, surface, given = self.friction, self.surface, self.given.friction
         comm, count = surface.domain.comm, len(surface.points)
@@ -381,7 +376,7 @@ class NodalContact:
                 raise InputError(f"{what}, and is {wrong[0]:g} somewhere", key)
 
         def coefficients() -> FloatArray:
-            # A rank without points has no values whose shape could tell, but for an expression.
+            # On a rank without points only an expression can be evaluated.
             slip = np.zeros(count)
             return np.array(friction.law(surface.points, slip)) if count or expression else slip
 
@@ -409,7 +404,7 @@ class NodalContact:
 
 
 class BoundsInForce:
-    """The friction bound G in force at each contact, a stress; all are zero at first.
+    """The friction bound G in force at each contact, a stress; initially zero.
 
     ``bounds[contact]`` are the values (k,) at the owned nodes of the contact.
     """

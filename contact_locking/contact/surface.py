@@ -137,12 +137,13 @@ CORNER = 0.26
 
 @dataclass(frozen=True)
 class Frame:
-    """How the sides of two bodies face each other at a displacement, None for the mesh at rest.
+    """A pairing of the sides of two bodies, at the k owned nodes of side 1.
 
-    ``rows`` (k, N) are the entries of the jump at the owned nodes of side 1, for all N blocks of
-    the displacement space; ``faces`` (k,) marks the nodes that have a condition.  ``normals``
-    (k, d) are the contact normals, ``distance`` (k,) the distances of the displaced sides, and
-    ``weights`` (k,) the areas of the nodes that are covered, ``covered`` (k,) as shares of all.
+    - ``displacement``: at which they are paired, None for the mesh at rest
+    - ``rows``: (k, N) the entries of the jump, for all N blocks of the displacement space
+    - ``faces``: (k,) the nodes that have a condition
+    - ``normals``, ``distance``: the contact normals (k, d), and distances (k,) of displaced sides
+    - ``weights``, ``covered``: (k,) the covered areas of the nodes, and as shares of their areas
     """
 
     displacement: FloatArray | None
@@ -157,13 +158,14 @@ class Frame:
 class ContactSurface:
     """The nodes of Gamma_C in the element's spaces, with the weights of its rule.
 
-    ``space`` is the space of displacements.  ``nodes`` (k,) are the owned nodes as indices of the
-    scalar space, ``blocks`` (k,) the same nodes as blocks of the vector space, ``points`` (k, d)
-    the coordinates of the nodes, ``degree`` that of the displacement, and ``weights`` (k,) their
-    shares of the measure of Gamma_C.  ``controls`` knows the control values of fields.
-    Raises InputError with the ``key`` for an element that has no contact.  The constructor is
-    collective.  ``is_paired`` says that the limited values are jumps to another body, and
-    ``facing_length`` is the length of a facet of its side.
+    - ``nodes``, ``blocks``: (k,) the owned nodes in the scalar and in the vector space
+    - ``points``, ``weights``: coordinates (k, d), and shares (k,) of the measure of Gamma_C
+    - ``space``, ``degree``: of the displacements
+    - ``controls``: the control values of quadratic fields
+    - ``is_paired``, ``facing_length``: whether limited values are jumps to another body, and the
+      length of a facet of its side
+
+    The constructor is collective and raises InputError with ``key`` for an element without contact.
     """
 
     is_paired, facing_length = False, math.inf
@@ -323,7 +325,7 @@ class ContactSurface:
         return np.asarray(np.maximum(sizes[mine], _LEAST * maximum(comm, np.abs(moved))))
 
     def take(self, frame: Frame) -> None:
-        """Let contact be in a frame; collective."""
+        """Set the pairing; collective."""
 
     def whole(self, free: BoolArray | None = None, sides: IntArray | None = None) -> SurfaceMesh:
         """All of Gamma_C, on every rank; nodes that are not ``free`` have weight 0; collective.

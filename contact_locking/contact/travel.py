@@ -64,7 +64,7 @@ class Travel:
             if self.largest == 0.0:
                 raise InputError(
                     "is zero at all times, so that nothing pushes the foundation; leave it out for "
-                    "a foundation that stands still",
+                    "a fixed foundation",
                     self.key,
                 )
             first = int(np.argmax(sizes > _NO_FORCE * self.largest))
@@ -86,7 +86,7 @@ class Travel:
                 )
             raise InputError(
                 "is along the surface of the body, so that contact does not load it; give the "
-                "direction in which the foundation gives way",
+                "direction in which the foundation moves",
                 f"{self.key}.along",
             )
         self.advance()
@@ -107,8 +107,8 @@ class Travel:
             )
         if size < -_NO_FORCE * self.largest:
             raise InputError(
-                f"is turned round{at}: a foundation pushes and cannot pull, and nothing would stop "
-                "the foundation; a force of 0 lets the body go",
+                f"changes its sign{at}: a foundation pushes and cannot pull, and nothing would "
+                "stop the foundation; a force of 0 releases the body",
                 self.key,
             )
         if self._translation:

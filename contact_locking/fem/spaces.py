@@ -112,7 +112,7 @@ class Trace:
         if dim not in self.rules:
             raise InputError(
                 f"there is no contact in {dim} dimensions for these elements of degree {degree}; "
-                "take elements of degree 1",
+                "use elements of degree 1",
                 key,
             )
 

@@ -96,11 +96,11 @@ class Equations:
 
     def __init__(self, system: System, target: Target, iterate: SavedState) -> None:
         if system.data.own_energy is not None:
-            raise InputError("a derivative is not known of an energy of the user's own", "energy")
+            raise InputError("there are no derivatives with your own energy", "energy")
         for contact in system.rubbing:
             if not contact.friction.is_coulomb:
                 raise InputError(
-                    "a derivative is not known of a friction bound of the user's own", contact.key
+                    "there are no derivatives with your own friction bound", contact.key
                 )
         self.system, self.target = system, target
         self._owned = len(system.load)
@@ -115,7 +115,7 @@ class Equations:
             raise InputError("the laws of contact and friction are others with these data")
         for family, cones in zip(self.every, iterate.cones, strict=True):
             family.takes_part = cones is not None
-            family.look(self.displacement)
+            family.update(self.displacement)
             if cones is not None:
                 family.x, family.z = family.centred(*cones)
                 self.families.append(family)

@@ -279,7 +279,7 @@ class Linearisation:
     def _nothing(self) -> _Answer:
         families = self.equations.families
         seen, reactions = ({one: np.zeros_like(one.seen) for one in families} for _ in range(2))
-        return _Answer(self.tangent.nothing(), seen, reactions)
+        return _Answer(self.tangent.zeros(), seen, reactions)
 
     def _size(self, displacement: FloatArray) -> float:
         owned = displacement[: self._owned]
@@ -302,7 +302,7 @@ class Linearisation:
             if len(known) == _MOST:
                 raise NotConverged("the derivative of the friction bounds was not found")
             step = left.copy()
-            answer = self._solve(self.tangent.nothing(), pulled(step))
+            answer = self._solve(self.tangent.zeros(), pulled(step))
             image = step + seen(answer)
             for other, other_image, other_answer in known:
                 share = self._dot(other_image, image)
@@ -390,7 +390,7 @@ def penalised_iterate(system: System, target: Target, tolerance: float) -> Saved
     displacement = np.append(system.u.x.array[:owned], np.zeros(len(system.tools)))
     cones: list[tuple[FloatArray, FloatArray] | None] = []
     for family in families.every:
-        family.look(displacement)
+        family.update(displacement)
         if isinstance(family, FrictionCones):
             bound = family.nodes.of_all(system.bounds[family.nodes.contact])
             largest = maximum(system.comm, bound)

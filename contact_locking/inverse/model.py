@@ -204,7 +204,7 @@ def variables_of(parameters: Parameters) -> list[Variable]:
             try:
                 with_start = with_values(parameters, {key: given.start})
             except (InputError, KeyError) as error:
-                raise InputError(f"{key} does not take {given.start:g}: {error}", place) from error
+                raise InputError(f"{key} cannot be {given.start:g}: {error}", place) from error
             start = number_at(with_start, key, place)
         else:
             start = number_at(parameters, key, place)

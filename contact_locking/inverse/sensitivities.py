@@ -71,7 +71,7 @@ def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to")
     if isinstance(value, str):
         raise InputError(
             f"{key} is {value!r}, and no number: give its numbers names in the section parameters, "
-            "as parameters: {mu0: 0.3}, and take parameters.mu0",
+            "as parameters: {mu0: 0.3}, and use parameters.mu0",
             asked,
         )
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -127,8 +127,8 @@ def require_derivatives(solver: ProblemSolver, names: Sequence[str] = ()) -> Non
     """Raise InputError for a problem or quantities without derivatives; needs no solve."""
     if deriving(solver).linear != "direct":
         raise NoDerivatives(
-            "derivatives take a factorisation, for which this body is too large by the choice of "
-            "auto; take direct",
+            "derivatives need a factorisation, for which auto considers this body too large; "
+            "set solver.linear: direct",
             "solver.linear",
         )
     for name in names:
@@ -174,7 +174,7 @@ class LazyDerivatives:
             if frame is not None and frame.displacement is not None:
                 raise NoDerivatives(
                     "derivatives do not see how the bodies that touch turn their normals as they "
-                    "deform; take pair: once",
+                    "deform; use pair: once",
                     f"{contact.key}.pair",
                 )
         if not report.converged:

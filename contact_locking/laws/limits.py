@@ -62,8 +62,8 @@ class StrainLimit(Concept):
             name = type(self).model_fields["norm"].default
             yield Fault(
                 ("norm",),
-                f"{name} does not go with plane stress: it limits the strain across the plane as "
-                "well, which is not known there; take strain, direction or weighted, the limits of "
+                f"{name} does not work with plane stress: it limits also the strain across the "
+                "plane, which is not known there; use strain, direction or weighted, the limits of "
                 "the strain in the plane",
             )
 

@@ -91,7 +91,7 @@ class Eigenstrain(Concept):
         elif self.value is not None and self.temperature is not None:
             yield Fault(("temperature",), "belongs to expansion, not to value")
         elif self.expansion is not None and self.temperature is None:
-            yield Fault(("temperature",), "is missing beside expansion")
+            yield Fault(("temperature",), "is missing; expansion needs it")
         key, tensor = self.tensor
         if isinstance(tensor, tuple):
             yield from _tensor_faults(key, tensor)
@@ -193,7 +193,7 @@ class Elasticity(Concept):
         if not chosen or chosen[0] == _CHOICES[0]:
             return {key: value for key, value in data.items() if value is not None}
         missing = [key for key in chosen[0] if key not in stated]
-        refuse_if(Fault((key,), f"is missing beside {chosen[0][0]}") for key in missing)
+        refuse_if(Fault((key,), f"is missing; {chosen[0][0]} needs it") for key in missing)
         return {"young": None, "poisson": None, **data}
 
     def _faults(self) -> Iterator[Fault]:

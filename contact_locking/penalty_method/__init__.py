@@ -20,7 +20,7 @@ def require_served(problem: DiscreteProblem) -> None:
     """Raise InputError, with its key, for the first thing that the paper does not have."""
     for key, what in _others(problem):
         raise InputError(
-            f"{what} is not part of the method of the paper, solver.method: penalty; take auto", key
+            f"{what} is not part of the method of the paper, solver.method: penalty; use auto", key
         )
 
 

@@ -20,7 +20,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.laws.limits import Penalty
 from contact_locking.penalty_method.equations import Equations
 from contact_locking.penalty_method.newton import Newton
-from contact_locking.solver.strategy import BOUND_WAY_OUT
+from contact_locking.solver.strategy import BOUND_ADVICE
 from contact_locking.solver.task import Outcome, SavedState, Target, Task, stage_of
 
 # The softest penalties: n over the largest eigenvalue of A, and lengths over that of the body.
@@ -153,7 +153,7 @@ _INTERMEDIATE_TOLERANCE = 1e-2
 # first bound to the second one, and no more sharply than the tolerance by the third.
 _SHARE_OF_CHANGE, _FIRST, _SHARPEST = 1e-2, 1e-3, 0.1
 
-_WAY_OUT = "Try solver.method: auto, lower penalty.n or raise penalty.epsilon."
+_ADVICE = "Try solver.method: auto, lower penalty.n or raise penalty.epsilon."
 
 
 def solve(task: Task, saved: SavedState | None = None) -> Outcome:
@@ -179,9 +179,9 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     try:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
-        way_out = f"{_WAY_OUT}  {BOUND_WAY_OUT}" if task.system.rubbing else _WAY_OUT
+        advice = f"{_ADVICE}  {BOUND_ADVICE}" if task.system.rubbing else _ADVICE
         outcome = Outcome(
-            equations.multipliers(), failure=failure.code, reason=str(failure), suggestion=way_out
+            equations.multipliers(), failure=failure.code, reason=str(failure), suggestion=advice
         )
     return outcome.with_counts(task.counts, stages)
 

@@ -27,7 +27,7 @@ from contact_locking.problem.strain_sets import Sampler
 
 Stress = Callable[[Expr], Expr]
 
-# Entries below this share of the largest are zero with rounding.
+# Entries below this share of the largest are rounding.
 _ROUNDING = 1e-10
 
 
@@ -35,8 +35,8 @@ _ROUNDING = 1e-10
 class EigenstrainOnMesh:
     """``sigma = A (eps - eps_0)``: ``stress`` is ``-A eps_0``, ``energy`` is ``A eps_0 : eps_0/2``.
 
-    ``values`` has eps_0 at the points of the strains.  Both are homogeneous in the values, of the
-    degrees 1 and 2, unless the stress itself was given.
+    ``values`` is eps_0 at the points of the strains.  Stress and energy are linear and quadratic in
+    the values, unless the stress itself was given.
     """
 
     values: fem.Function
@@ -47,8 +47,8 @@ class EigenstrainOnMesh:
     def of(cls, points: Points, linear: Stress, across: bool) -> EigenstrainOnMesh:
         """eps_0 as (3, 3) tensors; collective.
 
-        With ``across`` the strain across the plane of a body in plane strain counts: the law
-        ``linear`` then maps tensors of space to those of space.
+        With ``across`` eps_0 includes the strain across the plane of a body in plane strain, and
+        the law ``linear`` maps three-dimensional tensors.
         """
         values, size = points.function((3, 3)), points.size
         counted: Expr = values
@@ -62,16 +62,16 @@ class EigenstrainOnMesh:
 class Material:
     """The elasticity on the mesh, for the forms and the certificate.
 
-    ``stress`` maps a UFL strain to a stress, and ``linear`` to the share A eps of it;
-    ``eigenstrain`` has the rest, None if there is none.  ``ellipticity`` (alpha) and ``stiffness``
-    are the smallest and the largest eigenvalue of A over the body, and ``young`` is the smallest
-    Young's modulus.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, in the
-    space of strains.
+    - ``stress``, ``linear``: map a UFL strain to the stress, and to its part A eps
+    - ``eigenstrain``: the other part, None without eigenstrains
+    - ``ellipticity``, ``stiffness``: alpha and the largest eigenvalue of A over the body
+    - ``young``: the smallest Young's modulus
+    - ``largest_eigenvalue``: of A at each point, in the space of strains
+    - ``in_space``: whether the body is not in plane stress
 
-    ``elasticity`` is A in cells, of which the last counts, and the first is that of the whole body;
-    ``eigenstrains`` in cells add up.  ``in_space`` says that the body is not in plane stress.
-    The constructor, :meth:`refresh` and :meth:`advance` are collective and raise InputError if A is
-    not symmetric or not elliptic somewhere.
+    The argument ``elasticity`` is A by cells, of which the last one counts; the first is that of
+    the whole body.  Constructor, :meth:`refresh` and :meth:`advance` are collective and raise
+    InputError if A is not symmetric or not elliptic somewhere.
     """
 
     ellipticity: float
@@ -100,7 +100,7 @@ class Material:
             initial = stress(ufl.classes.Zero((self._size, self._size)))
             self.stress = self.linear = stress
             if not isinstance(initial, ufl.classes.Zero):
-                # UFL does not see that the initial stress cancels out, for any other strain.
+                # UFL cannot see that the initial stress cancels out.
                 share = matrix_of(lambda eps: stress(eps) - initial, self._pairs, self._size)
                 self.linear = partial(law.anisotropic_stress, stiffness=share)
                 values = points.function(initial.ufl_shape)
@@ -123,7 +123,7 @@ class Material:
                 for placed in elasticity
                 for name in placed.given.lame_names
             ]
-            # Data of scripts may differ later where they are the same everywhere at first.
+            # Data of a script that are uniform now may vary later.
             may_vary = any(value.number is None and value.expression is None for value in data)
             self._lame_fields: list[Any] = []
             for row in in_plane:
@@ -143,7 +143,7 @@ class Material:
         self.refresh()
 
     def refresh(self) -> None:
-        """Take the present values of the data; collective."""
+        """Update A and the eigenstrain to the present values of the data; collective."""
         if self._own is None and not self._is_matrix:
             in_space = self._lame().T
             lame = self._of_plane(in_space)
@@ -195,7 +195,7 @@ class Material:
         self.advance()
 
     def advance(self) -> None:
-        """Take the present eigenstrain; collective."""
+        """Update the eigenstrain to the present time; collective."""
         if self.eigenstrain is None:
             return
         values = self._present()
@@ -213,10 +213,10 @@ class Material:
         self._points.write(self.eigenstrain.values, values)
 
     def across(self, stress: FloatArray) -> FloatArray | None:
-        """The stress (k,) across the plane beside elastic stresses (k, 2, 2) in the plane.
+        """The stress (k,) across the plane for elastic stresses (k, 2, 2) in the plane.
 
         It is ``nu (sigma_xx + sigma_yy) - E eps_0,zz`` in plane strain, 0 in plane stress, and None
-        where it is not known.
+        if unknown.
         """
         if not self.in_space:
             return np.zeros(len(stress))

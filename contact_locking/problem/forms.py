@@ -22,15 +22,15 @@ from contact_locking.problem.strain_sets import NormSet, StrainSet
 class ProblemData:
     """The data of (25) as UFL.
 
-    ``elasticity`` maps displacements u and v to the form ``a(u, v)``, and ``elastic_stress`` maps a
-    strain to a stress.  ``largest_eigenvalue`` is the largest eigenvalue of A at each point, and
-    ``inverse_limit`` is 1/M of the ball.  ``loads`` is the linear form (f, .) (13), None without
-    loads.  ``contacts`` is empty for a body that touches nothing, and ``bounds`` is their
-    friction at present.  ``element`` is the element of the displacements.  ``limits`` are the sets
-    of strains beside the ball.  ``tools`` are the free motions of foundations.  ``own_energy`` is
-    for a law that this package does not have: it maps u to a convex and differentiable functional
-    J(u), whose derivative is added to (25).  The work of an ``eigenstrain`` is a part of
-    ``loads``, and ``springs`` on the boundary are a part of a(., .).
+    - ``elasticity``, ``elastic_stress``: map u and v to ``a(u, v)``, and a strain to its stress
+    - ``largest_eigenvalue``: of A at each point
+    - ``inverse_limit``, ``limits``: 1/M of the ball, and the other sets of strains
+    - ``dx``, ``element``: the measure of the body and the element of the displacements
+    - ``loads``: the linear form (f, .) (13) with the work of the eigenstrain, None without loads
+    - ``contacts``, ``bounds``: all contacts, and their friction bounds in force
+    - ``tools``: the travels of pushed foundations
+    - ``own_energy``: maps u to a convex, differentiable J(u), whose derivative is added to (25)
+    - ``eigenstrain``, ``springs``: parts of ``loads`` and of ``a(., .)``
     """
 
     elasticity: Callable[[Expr, Expr], ufl.Form]
@@ -54,7 +54,7 @@ class ProblemData:
 
     @property
     def loose_tools(self) -> tuple[Travel, ...]:
-        """The tools that no spring holds back, but the body alone."""
+        """The tools without a spring, which only the body stops."""
         return tuple(item for item in self.tools if not item.is_sprung)
 
     @property
@@ -88,7 +88,7 @@ class ProblemData:
 
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
-    """``a(u, v) = int A eps(u) : eps(v)``, or the form that was given, with the springs."""
+    """``a(u, v) = int A eps(u) : eps(v)``, or the user's form, plus the springs."""
     return sum((item.form(u, v) for item in data.springs), data.elasticity(u, v))
 
 
@@ -128,7 +128,7 @@ def initial_energy(data: ProblemData) -> Expr:
 
 
 def require_energy(energy: Callable[[fem.Function], Expr], space: fem.FunctionSpace) -> None:
-    """Raise InputError for what is no energy of displacements in a space."""
+    """Raise InputError unless ``energy`` is an energy of displacements in the space."""
     if not callable(energy) or isinstance(energy, Expr | ufl.Form):
         raise InputError(
             "must be a function of u that returns J(u), such as a form * ufl.dx", "energy"
@@ -142,7 +142,7 @@ def require_energy(energy: Callable[[fem.Function], Expr], space: fem.FunctionSp
 
 
 def stiffness(u: fem.Function, v: Expr, du: Expr, data: ProblemData) -> Expr:
-    """``a(du, v)``, and ``J''(u)(v, du)`` of the user's own energy J, if there is one."""
+    """``a(du, v) + J''(u)(v, du)``, with J = 0 unless the user gives an energy."""
     form = elastic_form(du, v, data)
     if data.own_energy is None:
         return form

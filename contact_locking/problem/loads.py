@@ -1,9 +1,8 @@
 """The loads in UFL, with rules of integration that see them, and elastic supports of the body.
 
-An expression needs values at the quadrature points only.  The forms take its time from the clock of
-the problem.  Where a load is narrower than a cell or facet, the rule divides the cell or facet into
-parts, so that the resultant is right.  Data of a script that are no expressions are integrated as
-UFL estimates it.
+An expression is evaluated at the quadrature points, at the time of the clock of the problem.  Where
+a load is narrower than a cell or facet, the rule subdivides these, so that the resultant is right.
+Other data of a script are integrated with the degree that UFL estimates.
 """
 
 from __future__ import annotations
@@ -42,17 +41,17 @@ _SPRING_DEGREE = 6
 
 
 class ElasticSupport(ABC):
-    """Terms of ``a(u, v)`` that hold the body from outside; ``on`` names them among reactions."""
+    """Terms of ``a(u, v)`` that support the body; ``on`` is their name among the reactions."""
 
     on: str
 
     @abstractmethod
     def form(self, u: Expr, v: Expr) -> ufl.Form:
-        """The share of ``a(u, v)``."""
+        """The terms."""
 
     @abstractmethod
     def all_around(self, u: Expr, v: Expr) -> ufl.Form:
-        """The same as stiff in all directions."""
+        """The terms, with the stiffness in all directions."""
 
     def forces(self, u: fem.Function) -> FloatArray:
         """The forces on the body at local dofs, ghosts included; collective."""
@@ -63,8 +62,9 @@ class ElasticSupport(ABC):
 class Springs(ElasticSupport):
     """``int k (u . m)(v . m)`` over a part of the boundary, or ``int k u . v``.
 
-    ``stiffness`` is k in UFL, a stress per length, ``along`` the unit vector m in UFL, or None for
-    springs in all directions.  ``on`` is the name of the part, and ``measure`` that of the part.
+    - ``stiffness``: k in UFL, a stress per length
+    - ``along``: the unit vector m in UFL, None for springs in all directions
+    - ``on``, ``measure``: the name of the part and its measure
     """
 
     on: str
@@ -132,7 +132,7 @@ class OwnSupport(ElasticSupport):
 def motions_past(
     springs: Sequence[ElasticSupport], space: fem.FunctionSpace, motions: FloatArray
 ) -> FloatArray:
-    """Coefficients (f, g) of the g motions, of some (f, n) at local dofs, that stretch no spring.
+    """Coefficients (f, g) of the g motions, of f given ones (f, n), that stretch no spring.
 
     Collective.
     """
@@ -158,21 +158,21 @@ def _assembled(form: ufl.Form, u: fem.Function) -> FloatArray:
     return np.asarray(vector.array)
 
 
-# The quadrature degree of an expression in each part of a cell or facet; test functions of degree 1
-# or 2 need no more.  The rule for comparison has a higher degree and parts half as long.
+# The quadrature degree of an expression in each part of a cell or facet, enough for test functions
+# of degree 1 or 2.  The rule for comparison has a higher degree and parts half as long.
 _DEGREE, _HIGHER_DEGREE = 4, 6
-# A rule is good enough if the integrals over all cells or facets are right to this share of the
-# load.  A load of which the next share is uncertain is warned of, and the last share is refused.
+# A rule is accepted if the integrals over all cells or facets are right to the first share of the
+# load; above the second there is a warning, and above the last the load is refused.
 _ACCURATE, _UNCERTAIN, _LOST = 1e-3, 0.03, 0.3
 
 
 class LoadOnMesh:
     """A load: its ``density`` in UFL, a vector, on a ``measure``.
 
-    ``halvings`` says how often the rule of integration halves each cell or facet; it is the least
-    with which the integrals are right at the present time and at some planned times.  The
-    constructor and :meth:`advance` are collective, and raise InputError with the key and the point
-    for a value that is not finite, and for a load that is mostly lost.
+    ``halvings`` says how often the rule of integration halves each cell or facet: as few times as
+    the integrals need at the present and some planned times.  The constructor and :meth:`advance`
+    are collective, and raise InputError with key and point for a value that is not finite, and for
+    a load that the rule mostly misses.
     """
 
     def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
@@ -188,7 +188,7 @@ class LoadOnMesh:
         self._constant = all(value.is_constant for value in components)
         self._is_seen = all(value.expression is not None for value in components)
         self.is_timed = any(value.is_timed for value in components)
-        # 1, or 0 at the times at which the load is zero with rounding.
+        # 1, or 0 at times when the load is only rounding.
         self._acts, self._so_far = fem.Constant(domain.mesh, 1.0), LargestSoFar()
         self._warned = False
         if isinstance(given, BodyForce):
@@ -247,9 +247,9 @@ class LoadOnMesh:
         return metadata
 
     def advance(self) -> list[Finding]:
-        """Put the load to the present time, and return findings; collective.
+        """Update the load to the present time; returns findings.  Collective.
 
-        A load that depends on the time is put to zero where it is zero with rounding.
+        A load that depends on the time is set to zero at times when it is only rounding.
         """
         for value in self._values:
             value.refresh()

@@ -20,12 +20,12 @@ from contact_locking.mesh.distribution import marked
 from contact_locking.mesh.domain import Domain
 from contact_locking.supports.conditions import Constraints
 
-# Motions whose share of a Gram matrix of all motions is less are none.
+# Motions with a smaller eigenvalue of the scaled Gram matrix count as zero.
 _NONE = 1e-12
 # The share of prescribed values that rounding may take from a rigid motion.
 _STRAINED = 1e-12
 
-# A part of a motion below this share of the rest is left out of the words.
+# A component of a motion below this share of the others is not mentioned.
 _SHARE = 0.2
 # Coordinates below this share of the size of the body are zero.
 _ROUNDING = 1e-6
@@ -67,7 +67,7 @@ def free_motions(
     everything = motions[:, :owned][:, dofs[:owned]]
     directions = constraints.directions
     if constraints.oblique:
-        # The component conditions count at their nodes already.
+        # Conditions by component are already counted at their nodes.
         along = np.array([directions.part_of(motion * dofs)[:owned] for motion in motions])
         along[:, held] = 0.0
         fixed = np.column_stack([fixed, along])
@@ -95,10 +95,10 @@ def dofs_of(domain: Domain, space: fem.FunctionSpace, number: int) -> BoolArray:
 
 
 def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArray | None:
-    """The rigid motion that prescribed values make, None if they strain the body; collective.
+    """The rigid motion with the prescribed values, None if they strain the body; collective.
 
     ``values`` (k,) is a displacement with the prescribed values, and the motion (k,) has values at
-    all local dofs.  A motion that the conditions leave free is not in it.
+    all local dofs.  It contains no motion that the conditions leave free.
     """
     space, comm = constraints.space, constraints.space.mesh.comm
     size = space.dofmap.index_map_bs
@@ -181,8 +181,8 @@ def axes_of(direction: FloatArray) -> str:
 class MotionsAtContact:
     """Rigid motions at the owned nodes of one contact on some parts of the body.
 
-    They are relative to the contact's tool, or to the body that it touches.  ``own`` marks the
-    nodes among those of the contact.
+    They are relative to the tool, or to the other body.  ``own`` marks the nodes among those of the
+    contact.
     """
 
     def __init__(
@@ -213,8 +213,8 @@ class MotionsAtContact:
     def knows_friction(self) -> bool:
         """Whether the bound at any pressure p >= 0 is known before a solve; collective.
 
-        It is ``mu R p >= 0`` with a mu that does not depend on the slip, by the word of the law,
-        and with an R that has no negative entry.
+        That is if mu does not depend on the slip, as stated by the law, and R has no negative
+        entry.
         """
         bound = self.contact.friction
         if bound.frictionless:
@@ -260,7 +260,7 @@ class MotionsAtContact:
 _CUTS = 40
 # The share of the net work of loads and friction by which a slide may miss the most.
 _NEAR = 1e-4
-# A motion that friction does not stop keeps the rows before to this.
+# The tolerance of a motion in the rows of previous rounds.
 _FEASIBLE = 1e-10
 # A scale that is zero is replaced by this number.
 _TINY = 1e-300

@@ -31,9 +31,9 @@ Check = Callable[[FloatArray, str], None]
 
 @dataclass(frozen=True)
 class Placed:
-    """Data in some local cells, in all if None, with their key.
+    """A concept with its key, in some local cells; in all of them if ``cells`` is None.
 
-    ``short`` is the key of the only value, if that is written without the concept that has it.
+    ``short`` is the key of its only value, if a study file gives that without the concept.
     """
 
     given: Any
@@ -48,19 +48,20 @@ class Placed:
 
 @dataclass(frozen=True)
 class InCells:
-    """Values in cells, of which the last counts, and ``elsewhere``."""
+    """Values by cells, of which the last one counts, and the value ``elsewhere``."""
 
     parts: Sequence[Placed]
     elsewhere: float
 
 
 class Points:
-    """The points of the strains in all local cells, numbered cell by cell.
+    """The k points of the strains in all local cells, numbered cell by cell.
 
-    ``places`` (d, k) are the coordinates of the points, ``dofs`` (k,) are the degrees of freedom of
-    the points in ``space``, and ``all`` (k,) are the numbers of the points.  Strains are tensors of
-    the ``size`` with the Mandel ``pairs``.  Data are taken in ``cells`` at the time of ``clock``;
-    ``root`` is the key of what has them, and ``name`` its name in results.
+    - ``places``: (d, k) the coordinates of the points
+    - ``dofs``, ``all``: (k,) the dofs of the points in ``space``, and their numbers
+    - ``size``, ``pairs``: strains are (size, size) tensors with these Mandel pairs
+    - ``cells``, ``clock``: where and at which time data are evaluated
+    - ``root``, ``name``: the key of the concept that has the data, and its name in results
     """
 
     root, name = "", ""
@@ -77,7 +78,7 @@ class Points:
         self.dofs = self.space.dofmap.list.reshape(-1)
 
     def seen(self, root: str, cells: IndexArray | None = None) -> Points:
-        """The same points for data with a key and in some cells."""
+        """The same points for other data, with their key and cells."""
         points = copy.copy(self)
         points.root, points.name, points.cells = root, root.removeprefix("material."), cells
         return points
@@ -92,7 +93,7 @@ class Points:
         return fem.Function(space)
 
     def write(self, function: fem.Function, values: FloatArray) -> None:
-        """Give a function of the space of strains the values (k, ...) at the points."""
+        """Set the values (k, ...) of a function of the space of strains."""
         dofs = function.function_space.dofmap.list.reshape(-1)
         function.x.array.reshape(-1, *function.ufl_shape)[dofs] = values
 
@@ -106,10 +107,9 @@ class Points:
     ) -> Sampler:
         """A function that returns the present values (k, ...) of data at the points in ``cells``.
 
-        The data are a :class:`Value` or what it is of, tuples of these, or `InCells`.  Their
-        evaluation is compiled once.  The function raises InputError with the key and the ``name``
-        for a value that is not a number, and what ``check`` of values and key raises; both are
-        collective.
+        The data are a :class:`Value` or its content, tuples of these, or `InCells`; they are
+        compiled once.  The function raises InputError with the key and ``name`` for a value that is
+        not finite, and the errors of ``check(values, key)``.  Both are collective.
         """
         data = value.data if isinstance(value, Value) else value
         if isinstance(data, InCells):
@@ -127,7 +127,7 @@ class Points:
             ]
 
             def stacked() -> FloatArray:
-                """The values of the entries; those that are left out are zero."""
+                """The values of the entries, zero for those that are not given."""
                 values = np.zeros((len(inside), *shape))
                 for index, entry in enumerate(entries):
                     values[:, index] = entry()
@@ -189,7 +189,7 @@ class Points:
     ) -> Sampler:
         """Limits ``sign M/over > 0``; collective.
 
-        The sampler raises InputError for limits that do not keep 0 inside of the set.
+        The sampler raises InputError for limits that are not positive.
         """
 
         def check(values: FloatArray, key: str) -> None:
@@ -265,9 +265,9 @@ _ELSEWHERE = {"at_most": math.inf, "at_least": -math.inf}
 class LimitsOnMesh:
     """All limits of a problem at the points of the strains.
 
-    ``ball`` is the ball of the paper, with M = inf where none is given, and ``others`` are the
-    other sets.  ``limit`` is M of the ball in the space of strains, and ``limit_at_peaks`` is M
-    where the strain of a cell is largest (`Element.at_peaks`).
+    - ``ball``, ``others``: the ball of the paper, with M = inf by default, and the other sets
+    - ``limit``, ``limit_at_peaks``: M of the ball in the space of strains, and where the strain of
+      a cell is largest (`Element.at_peaks`)
     """
 
     points: Points
@@ -283,7 +283,7 @@ class LimitsOnMesh:
 
         Raises InputError for more than one ball, and for limits that are not positive.
         """
-        # Those of which a body has one are joined over their cells.
+        # Limits that a body can have only once are joined over their cells.
         groups: dict[Any, list[Placed]] = {}
         for number, item in enumerate(placed):
             is_shared = item.cells is not None and item.given.once
@@ -291,7 +291,7 @@ class LimitsOnMesh:
         limits = [(group[0].key, _in_cells(group)) for group in groups.values()]
         balls = [(key, item) for key, item in limits if isinstance(item, StrainBall)]
         if len(balls) > 1:
-            raise InputError("has more than one StrainBall; take the smaller limit", balls[1][0])
+            raise InputError("has more than one StrainBall; use the smaller limit", balls[1][0])
         key, ball = balls[0] if balls else ("limits", StrainBall(Value(math.inf)))
         others = [
             limited
@@ -312,13 +312,13 @@ class LimitsOnMesh:
         return result
 
     def refresh(self) -> None:
-        """Take the present values of all limits; collective."""
+        """Update all limits to the present values of the data; collective."""
         for limited in (self.ball, *self.others):
             limited.refresh()
         self.write()
 
     def write(self) -> None:
-        """Put M of the ball into the functions; collective."""
+        """Write M of the ball into the functions; collective."""
         self.points.write(self.limit, self.ball.limits)
         for points, limits in self.peaks:
             points.write(self.limit_at_peaks, limits())

@@ -32,24 +32,25 @@ from contact_locking.problem.motions import (
 )
 from contact_locking.supports.conditions import Constraints
 
-# A push that is less than this share of all work and all motion is rounding.
+# Work below this share of all work and all motion is rounding.
 _DIGITS = 1e-12
 _ROUNDING = 1e-6
-# The linear programmes see no smaller coefficient.
+# The least friction coefficient in the linear programmes.
 _LEAST_MU = 1e-9
-# The same of a friction bound that a solver reached and did not settle.
+# The margin for a friction bound that a solver reached without converging.
 _REACHED = 1e-3
 
 
 class GroupMotions:
-    """The f rigid motions of parts that touch each other, and of tools that press on them alone.
+    """The f rigid motions of touching parts, and of tools that press on them alone.
 
-    ``parts`` has the name of each part with the coefficients (m, .) of its free motions, and
-    ``fields`` (g, n) the values of these motions at the local dofs, of which ``marks`` (n,) are
-    those of the parts.  Behind them, each tool has the motion along its force.  ``free`` (m, f) are
-    the coefficients of all motions of parts, zero for a tool, ``normals`` (n, f) the normal
-    components at all nodes of Gamma_C on the parts, relative to tools, and ``rubs`` (n,) marks the
-    nodes with friction.  The constructor is collective.
+    - ``parts``: the name of each part with the coefficients (m, .) of its free motions
+    - ``fields``, ``marks``: (g, n) the motions at the local dofs, and (n,) the dofs of the parts
+    - ``free``: (m, f) the coefficients of all motions of parts, followed by zeros for each tool
+    - ``normals``: (n, f) the normal components at all nodes of Gamma_C, relative to tools
+    - ``rubs``: (n,) marks the nodes with friction
+
+    The constructor is collective.
     """
 
     def __init__(
@@ -134,9 +135,9 @@ class GroupMotions:
         )
 
     def describe_unheld(self) -> str | None:
-        """A motion that no pressure and no friction stop, with its proof in words; collective.
+        """A motion that neither pressure nor friction can stop, with its proof in words.
 
-        None if there is none, or if the friction of a contact is not known before a solve.
+        None without one, or if the friction of a contact is unknown before a solve.  Collective.
         """
         comm = self._domain.comm
         if not self._knows_friction():
@@ -179,8 +180,7 @@ class GroupMotions:
 
         motion = driven_motion(some, normals, self.work, rub)
         push, held = float(self.work @ motion), float(rub(motion) @ motion)
-        # No words for a motion of size zero, which nothing drives, or of the numbers of a solve
-        # that broke down.
+        # Ignore a motion of size zero, or of NaN after a solve that broke down.
         rounding = _DIGITS * float(np.linalg.norm(self.work) * np.linalg.norm(motion))
         if not push > held * (1.0 + _REACHED) + rounding:
             return None
@@ -237,11 +237,11 @@ class GroupMotions:
 
 @dataclass(frozen=True)
 class Held:
-    """A part of the body, the boundary parts that hold the part, and its free rigid motions.
+    """A part of the body, the boundary parts that hold it, and its numbers of rigid motions.
 
-    ``free`` is the number of rigid motions that displacement conditions and springs leave free, and
-    ``sliding`` is the number of these motions that friction alone can stop.  ``sprung`` is the
-    number of motions that springs stop and no displacement condition does.
+    - ``free``: motions that displacement conditions and springs permit
+    - ``sliding``: of these, motions that only friction can stop
+    - ``sprung``: motions that springs stop and displacement conditions do not
     """
 
     name: str
@@ -324,7 +324,8 @@ class Rigidity:
                 shared = "edge" if domain.dim == 2 else "face"
                 name = domain.part_names[group[0]]
                 raise InputError(
-                    f"{name} is loose, as it shares no {shared} with the rest: {error}", error.key
+                    f"{name} is loose: it shares no {shared} with the other cells: {error}",
+                    error.key,
                 ) from None
 
     def describe_slide(self) -> str | None:
@@ -358,9 +359,9 @@ class Rigidity:
         )
 
     def describe_loose(self) -> str | None:
-        """The rigid motion that present loads and forces of tools do not resist, in words, or None.
+        """A rigid motion that the present loads and tools do not resist, in words, or None.
 
-        Tools may press the body less than at other times.
+        Tools may press the body less now than at other times.
         """
         for _, motions in self._groups():
             try:

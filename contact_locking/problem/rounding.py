@@ -46,10 +46,10 @@ class LooseMotion:
         self._triangles = np.vstack(self._comm.allgather(triangle))
 
     def anchored(self, u: FloatArray) -> FloatArray:
-        """``u`` (local values) with no more of the free motions than the data make; collective.
+        """``u`` (local values) without the part of the free motions that the data do not cause.
 
-        How far a motion goes is measured on Gamma_C, where it is stopped.  The
-        deformation may move the body as far, too.
+        The size of a motion is measured on Gamma_C, which stops it; the deformation may move the
+        body as far, too.  Collective.
         """
         seen = np.concatenate(self._comm.allgather(self._basis.T @ u[: self._owned]))
         motion = np.linalg.lstsq(self._triangles, seen)[0] @ self._motions
@@ -72,7 +72,7 @@ class LooseMotion:
 
 
 class Rounding:
-    """The rounding in ``a(u, .)``, as norms over all dofs; all of it is collective.
+    """The rounding in ``a(u, .)``, as norms over all dofs; collective.
 
     ``loose`` knows the rigid motions that the conditions leave free, if there are any.
     """
@@ -86,7 +86,7 @@ class Rounding:
         self._work = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
 
     def in_forces(self) -> float:
-        """The rounding in ``a(u, .)`` of u without rigid motions that the data do not make."""
+        """The rounding in ``a(u, .)``, without rigid motions that the data do not cause."""
         u = self._u.x.array
         return self._in_forces_of(u if self._loose is None else self._loose.anchored(u))
 
@@ -95,7 +95,7 @@ class Rounding:
 
         A residual of ``tolerance`` times this force is at least the rounding in ``u``.
         """
-        # An upper bound of the rounding, which saves the assembly where larger forces act.
+        # An upper bound of the rounding avoids the assembly if larger forces act.
         if largest_displacement(self._u) * self._of_one <= tolerance * acting:
             return acting
         return max(acting, self.in_forces() / tolerance)

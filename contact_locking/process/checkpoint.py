@@ -400,9 +400,9 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
 def start_in_words(directory: str | Path, report: Outcome) -> str:
     """How a solve has used the state that was saved in a folder, in words."""
     if not report.from_saved:
-        return f"from nothing, as the state in {directory} is too far away"
+        return f"from scratch, because the state in {directory} did not help"
     if report.tangents == 0:
-        return f"the state in {directory} meets every criterion, nothing was left to do"
+        return f"the state in {directory} already meets every criterion"
     return f"from the state in {directory}"
 
 

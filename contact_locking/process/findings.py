@@ -1,4 +1,4 @@
-"""Findings about a solved state, one function for each; all of them are collective."""
+"""Findings about a solved state, one function for each; all are collective."""
 
 from __future__ import annotations
 
@@ -14,24 +14,23 @@ from contact_locking.plain_text import coordinates
 from contact_locking.results.between_nodes import uncovered_entry
 from contact_locking.results.contact_points import OPEN
 
-# The theory neglects squares of the displacement gradient: a tenth of a strain of this size, and of
-# a rotation its half square.  Strains above 1 come from a mistake.
+# The theory neglects squares of the displacement gradient: a tenth of such a strain, and half of
+# the square of a rotation.  Strains above 1 come from a mistake.
 _LARGE_STRAIN, _LARGE_ROTATION, _ABSURD_STRAIN = 0.1, 0.1, 1.0
-# A text gives a larger excess as a multiple and a smaller excess in per cent.
+# An excess above this is printed as a multiple, and one below in per cent.
 _MULTIPLE = 10.0
 # The share of violation that is a finding, and the share that the advice aims at.
 _NOTABLE, _AIM = 0.1, 0.01
-# So much of the limit may be exceeded between the points where an element keeps it.
+# The excess over the limit that is accepted between the points where an element enforces it.
 _BETWEEN = 0.05
-# Pressure concentrates at edges, where the compliance of the body is this share of length over
-# Young's modulus.
+# The compliance of the body at edges, where pressure concentrates, over length/E.
 _CONCENTRATED = 0.2
-# Nodes press that have this share of the largest pressure.
+# Nodes with this share of the largest pressure count as pressing.
 _PRESSES = 0.01
 
 
 def findings(state: SolvedState) -> list[Finding]:
-    """What the user of a solved state probably did not intend; collective."""
+    """Properties of a solved state that the user probably did not intend; collective."""
     return [finding for judge in _FINDINGS for finding in judge(state)]
 
 

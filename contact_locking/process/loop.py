@@ -289,7 +289,7 @@ class Process(Iterator[S]):
             self._put(at)
         if verdict is None:
             return False
-        report = Outcome(failure=Infeasible.code, reason=verdict.reason, suggestion=verdict.way_out)
+        report = Outcome(failure=Infeasible.code, reason=verdict.reason, suggestion=verdict.advice)
         self._timeline.refuse(beyond, report)
         return True
 

@@ -235,14 +235,14 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     return chosen(linear, domain.dim, compact)
 
 
-_WAY_OUT_OF_SLIDING = (
+_SLIDING_ADVICE = (
     "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
 )
-_WAY_OUT_OF_ENTRY = (
-    "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or take a rounder "
+_ENTRY_ADVICE = (
+    "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or use a rounder "
     "foundation."
 )
-_WAY_OUT_OF_COMPLAINTS = (
+_COMPLAINTS_ADVICE = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
 
@@ -269,7 +269,7 @@ def solution_of(
             code, slide = "solver.loose", problem.rigidity.describe_loose()
         if slide is not None:
             failure = failure if failure == "solver.forces_grow" else code
-            reason, suggestion = f"{slide}; {reason}", _WAY_OUT_OF_SLIDING
+            reason, suggestion = f"{slide}; {reason}", _SLIDING_ADVICE
     warnings = [*problem.findings, *report.warnings]
     if report.converged:
         warnings += findings(state)
@@ -282,7 +282,7 @@ def solution_of(
             enters = ENTRY in broken
             failure = f"certificate.{ENTRY if enters else [*broken, 'proofs'][0]}"
             reason = certificate.complaint
-            suggestion = _WAY_OUT_OF_ENTRY if enters else _WAY_OUT_OF_COMPLAINTS
+            suggestion = _ENTRY_ADVICE if enters else _COMPLAINTS_ADVICE
     return Solution(
         domain=problem.domain,
         element=problem.element,

@@ -4,10 +4,9 @@ On a facet with the moved points y(s) the depth is ``d(s) = -phi(y(s))``, with t
 the foundation, or ``u_nu - gap`` of a given gap.  The entry between the nodes is the largest
 ``d(s) - sum_i N_i(s) [d_i]^+``: the depth beyond that of the nodes of the facet, where penalties,
 held nodes and the linearisation of the gap leave some, and beyond what the chord of a hollow
-boundary explains.  Sought is the largest over a lattice of
-points of each facet and, from the best of them, by a search with steps that halve, which finds the
-deepest point where the foundation is convex.  The corners and sharp edges of a foundation that is
-made of facets are looked for behind the facets of the body.
+boundary explains.  The search evaluates a lattice of points on each facet and continues from the
+best of them with steps that halve, which finds the deepest point of a convex foundation.  Corners
+and sharp edges of a foundation made of facets are searched behind the facets of the body.
 """
 
 from __future__ import annotations
@@ -60,15 +59,15 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Entry:
-    """The deepest entry of a foundation between the nodes of Gamma_C.
+    """The deepest entry of a foundation between the nodes of Gamma_C; zeros if it does not enter.
 
-    ``depth`` is a length, and ``place`` (d,) is the point before the body moved.  ``share`` is the
-    depth as a share of the indentation: of how far the foundation would enter there, or does enter
-    at a node, if contact did not act, from the largest displacement of the body along the normal of
-    the facet; it is at least 1e-4 of the largest displacement.  ``missed`` is the share of the
-    deepest entry around which no node that touches sees half of the indentation.  All are 0 where
-    nothing enters.  ``places`` are those of all entries by more than 10 % of the indentation, the
-    deepest of each facet.
+    - ``depth``, ``place``: a length, and the point (d,) before the body moved
+    - ``share``: the depth over the indentation.  This is how far the foundation would enter there,
+      or does enter at a node, without contact, with the largest displacement of the body along the
+      normal of the facet; it is at least 1e-4 of the largest displacement
+    - ``missed``: the share of the deepest entry with no touching node nearby that has half of the
+      indentation
+    - ``places``: the deepest of each facet with an entry by more than 10 % of the indentation
     """
 
     depth: float = 0.0

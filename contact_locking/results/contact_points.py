@@ -28,9 +28,10 @@ class ContactPoints:
     """The k nodes of Gamma_C, contact after contact; a node of two contacts is a point of both.
 
     The points of a contact follow the curves of Gamma_C in 2D and are sorted lexicographically in
-    3D.  Vectors are (k, d) and scalars are (k,).  ``traction`` is the friction traction
-    ``sigma_tau`` on the body, ``bound`` is the friction bound ``mu |R sigma_nu|``, ``state`` is
-    OPEN, STICK or SLIP, and ``contact`` is the number of the contact, which ascends from 0.
+    3D.  Vectors are (k, d) and scalars are (k,).
+
+    - ``traction``, ``bound``: ``sigma_tau`` on the body, and ``mu |R sigma_nu|``
+    - ``state``, ``contact``: OPEN, STICK or SLIP; the number of the contact, ascending from 0
     """
 
     x: FloatArray

@@ -37,24 +37,30 @@ from contact_locking.results.contact_points import (
 )
 from contact_locking.solver.task import ContactForces, Multipliers
 
-# The regularised friction traction never reaches the bound: a point slips from 99 % of the bound
-# on.
+# Regularised friction never reaches its bound: points above this share count as slipping.
 _SLIP_SHARE = 0.99
 
-# The scalar fields on Gamma_C, each with the attribute of ContactFields that holds the nodal
-# values.
+# The scalar fields on Gamma_C, and the attribute of ContactFields with the nodal values.
 _SCALAR_FIELDS = {
     "contact_pressure": "pressure",
     "smoothed_stress": "smoothed_stress",
     "friction_bound": "bound",
 }
 
-# Nodes with less of the largest pressure may be at the edge of contact.
+# Nodes below this share of the largest pressure may be at the edge of contact.
 _PRESSES = 0.01
 
 
 class ContactFields:
-    """The nodal fields of one contact, as arrays over its owned nodes."""
+    """The nodal fields of one contact, as arrays over its k owned nodes.
+
+    - ``normal``, ``gap``, ``u_normal``, ``u_tangent``: nu, gap, u_nu, u_tau
+    - ``increment``, ``slip``: the slip (k, d) of the step, and the accumulated length (k,)
+    - ``old_place``, ``old_slip``: what friction remembers of earlier steps
+    - ``pressure``, ``traction``, ``smoothed_stress``, ``bound``: p, sigma_tau, R sigma_nu and G
+    - ``state``, ``holds``, ``free``: OPEN, STICK or SLIP; sticks without any slip; is not held
+    - ``drag``, ``travel``, ``tool``: the foundation's motion in the step, its travel, and itself
+    """
 
     def __init__(
         self, contact: NodalContact, u: fem.Function, forces: ContactForces, bounds: BoundsInForce
@@ -62,14 +68,12 @@ class ContactFields:
         self.contact, self.surface = contact, contact.surface
         self.normal, self.gap = contact.normals, contact.gaps
         self.u_normal, self.u_tangent = contact.split(u)
-        # The slip of the step, the accumulated slip, and what friction remembers of earlier steps.
         self.increment, self.slip = contact.increment(u), contact.slips(u)
         self.old_place, self.old_slip = contact.references, contact.state.slip
         frame = contact.surface.frame
         self.paired_at = None if frame is None else frame.displacement
-        # The foundation at its place, which later solves change, and its way by forces.
+        # Later solves move the foundation itself.
         self.tool, self.travel = contact.foundation.now, np.array(contact.travel)
-        # How far the foundation has moved in the step.
         self.drag, self.free = contact.drag, contact.free
         self.pressure = forces.pressure
         self.traction = contact.split_nodal(0.0 - forces.friction)[1]
@@ -78,7 +82,7 @@ class ContactFields:
         slips = np.linalg.norm(self.traction, axis=1) >= _SLIP_SHARE * self.bound
         slips &= contact.slides
         self.state = np.where(forces.touches, np.where(slips, SLIP, STICK), OPEN)
-        # The nodes that stick, without a slip that the regularisation needs.
+        # Regularised friction needs a slip.
         self.holds = (self.state == STICK) & (self.regularisation == 0.0)
         self._u = u
 
@@ -95,9 +99,9 @@ class ContactFields:
 
     @cached_property
     def apart(self) -> float:
-        """How far bodies that touch are from touching, as :meth:`ContactSurface.apart`; collective.
+        """The distance of touching bodies, as :meth:`ContactSurface.apart`; collective.
 
-        It is 0 with ``pair: once``, where bodies touch as the linear theory has it.
+        It is 0 with ``pair: once``, because bodies then touch in the linearised sense.
         """
         if not self.contact.pairs_anew:
             return 0.0
@@ -109,9 +113,8 @@ class ContactFields:
     def gather(self) -> tuple[ContactPoints, IntArray] | None:
         """All points and facets on rank 0, otherwise None; collective.
 
-        The order does not depend on the distribution.  A solver with multipliers leaves a small
-        pressure at open points, within its tolerance.  This pressure stays in the table, so that
-        the table balances the loads.
+        The order does not depend on the distribution.  The table keeps the small pressures at open
+        points that the solver's tolerance permits, so that it balances the loads.
         """
         names = [column.name for column in dataclasses.fields(ContactPoints)[1:-1]]
         number = np.zeros(len(self.state), dtype=np.int64)
@@ -206,10 +209,9 @@ def _angle(u: Expr) -> Expr:
 class BodyFields:
     """Fields of the body in the space of strains, with the values at the points of the strains.
 
-    ``locking_limit`` is M of the ball.  With other sets of strains it is the largest ``|eps|`` in K
-    along the strain eps(u), so that ``|eps|`` over it is the utilisation of K: the largest of all
-    sets.  Cells are locked that use up their limit.  ``von_mises`` is None for a body in the plane
-    whose stress across the plane is not known.
+    - ``locking_limit``: M of the ball; with other sets of strains the largest ``|eps|`` in K along
+      eps(u), so that ``|eps|`` over it is the utilisation of K
+    - ``locked``, ``von_mises``: 1 where the utilisation is 1, else 0; None if sigma_zz is unknown
     """
 
     #: The names of all fields.
@@ -258,7 +260,7 @@ class BodyFields:
     def _at_points(
         self, element: Element, made: Callable[[], Expr], name: str, number: int | None = None
     ) -> fem.Function:
-        """The values of an expression, which is made once for each name and number."""
+        """The values of an expression, which is compiled once for each name and number."""
 
         def compile_it() -> tuple[fem.FunctionSpace, fem.Expression]:
             expr = made()
@@ -282,7 +284,7 @@ class BodyFields:
     def share(self, marks: FloatArray) -> float:
         """The share of the body where ``marks`` (k,) of the space of strains are 1; collective."""
         weights = self._kept("weights", self._weights)
-        # Both sums round alike, so that all or none of the body is exactly 1 or 0.
+        # The same rounding in both sums makes the share of the whole body exactly 1.
         shares = np.array([weights @ marks, weights @ (1.0 - marks)])
         marked, unmarked = self.domain.comm.allreduce(shares)
         return float(marked / (marked + unmarked))
@@ -309,8 +311,8 @@ class BodyFields:
     def _von_mises(self, problem: DiscreteProblem) -> fem.Function | None:
         """``sqrt(3/2) |dev sigma|`` of the whole stress, at the points of the strains; collective.
 
-        Across the plane acts the elastic stress alone in plane strain, where the ball, whose
-        multiplier is parallel to the strain, is the only set; and nothing acts in plane stress.
+        In plane strain the stress across the plane is elastic if the ball, whose multiplier is
+        parallel to the strain, is the only set; in plane stress it is zero.
         """
         points = problem.limits.points
         elastic = points.values(self.elastic_stress)
@@ -346,7 +348,7 @@ class BodyFields:
         return self.largest(self._peaks), max(used)
 
     def about_sets(self) -> list[dict[str, Any]]:
-        """The entries of summary.json about the sets of strains beside the ball; collective."""
+        """The entries of summary.json about the sets of strains except the ball; collective."""
         return [
             {
                 "name": utilisation.name,

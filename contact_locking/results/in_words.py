@@ -21,9 +21,9 @@ CHANGE = "the penalty changes the solution on this mesh by"
 
 @dataclass(frozen=True)
 class Weakness:
-    """An error relative to the solution in the energy norm, and how the program knows the error.
+    """An error relative to the solution in the energy norm.
 
-    ``words`` are a clause about the error, and ``advice`` says how to make it smaller.
+    ``words`` is a clause with the error and its source, and ``advice`` says how to reduce it.
     """
 
     share: float
@@ -32,12 +32,12 @@ class Weakness:
 
     @property
     def is_rough(self) -> bool:
-        """Whether the error is so large that the result is a rough one."""
+        """Whether the error is so large that the result is rough."""
         return self.share > ROUGH
 
 
 def weakest(summary: Mapping[str, Any]) -> Weakness | None:
-    """The largest of the errors that the certificate knows; None if it knows none.
+    """The largest error of the certificate, None without any.
 
     The keys of the summary may be dotted, as in the row of a study.
     """
@@ -67,7 +67,7 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     weakness = weakest(summary)
     weak = "not known" if weakness is None else weakness.words
     if weakness is not None and weakness.is_rough:
-        weak = f"{weak}; it takes {weakness.advice}"
+        weak = f"{weak}; to improve it: {weakness.advice}"
     all_rows = [
         ("converged", f"{verdict(summary)} (residual {summary['residual']:.1e})"),
         ("restart", summary.get("restart")),
@@ -116,14 +116,14 @@ def value_in_words(quantity: Quantity, value: Any, place: Sequence[float] | None
 def _weaknesses(summary: Mapping[str, Any]) -> Iterable[Weakness]:
     if (mesh := relative(summary, "mesh")) is not None:
         words = f"the error of the mesh is about {_roughly(mesh)}, by an estimate"
-        # Meshes are not adapted in steps, nor those of boxes.
+        # Meshes of steps and of boxes cannot be adapted.
         is_fixed = summary.get("steps") or look_up(summary, "discretisation.cells") == "box"
         adapt = "" if is_fixed else ", or the section adapt"
         yield Weakness(mesh, words, f"a finer mesh{adapt}")
     measured, bound = relative(summary, "penalty_measured"), relative(summary, "penalty")
     if measured:
         words = f"the penalty changes the solution by {per_cent(measured)}, as measured"
-        yield Weakness(measured, words, "a larger penalty.n, or none")
+        yield Weakness(measured, words, "a larger penalty.n, or .inf")
     elif measured is None and bound:
         words = f"the penalty changes the solution by at most {per_cent(bound)}, by a proved bound"
         if has_friction(summary):
@@ -146,9 +146,9 @@ def has_friction(summary: Mapping[str, Any]) -> bool:
 
 
 def vector(values: Iterable[float], largest: float = 0.0) -> str:
-    """The vector, with zero for components that rounding alone keeps from zero.
+    """The vector, with zero for components that are only rounding.
 
-    ``largest`` is the largest of the numbers that the vector is computed from, if that is known.
+    ``largest`` is the largest of the numbers that the vector is computed from, if known.
     """
     numbers = list(values)
     least = 1e-12 * max(map(abs, numbers), default=0.0)
@@ -158,7 +158,7 @@ def vector(values: Iterable[float], largest: float = 0.0) -> str:
 
 
 def _tools(contacts: Iterable[Mapping[str, Any]]) -> list[tuple[str, str]]:
-    """How the forces on each free foundation have moved it."""
+    """The travel of each pushed foundation, with its forces."""
     rows = []
     for entry in contacts:
         if tool := entry.get("tool"):
@@ -203,7 +203,7 @@ def _estimated(summary: Mapping[str, Any]) -> str:
 
 
 def _roughly(share: float) -> str:
-    """An estimate, of which no third digit is known."""
+    """An estimate, with two digits."""
     return f"{100.0 * share:.2g} %" if share < 1.0 else per_cent(share)
 
 

@@ -1,7 +1,7 @@
 """The quantities of a solution, each with its name, meaning and unit, and how it is computed.
 
-The summary, history.csv, the terminal, reports, pictures and the reference of the documentation
-read this registry.  It needs no DOLFINx, so that reports are made without.
+The summary, history.csv, the terminal, reports, pictures and the reference of the documentation use
+this registry.  It does not import DOLFINx, so that reports do not need it.
 """
 
 from __future__ import annotations
@@ -28,21 +28,19 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True)
 class Quantity:
-    """A number or a vector of summary.json by its dotted key.
+    """A number or a vector of summary.json.
 
-    ``compute`` maps the fields that the quantity is ``of`` to its value; without it the solver or
-    the certificate computes the value.  With a preposition ``at`` the value has a place, which the
-    summary has under ``<key>_at``.  A ``share_of`` something is told in per cent, and a quantity
-    ``beside`` another only if that is known.  Pages fold a ``detail``; the terminal has none.
-    One that ``derives`` has derivatives (`contact_locking.inverse.quantities`).  One that
-    ``is_place`` has coordinates, or None; history.csv has columns for all axes in both cases, and
-    reports a chart of places.  Other vectors have the same number of components in every step.
-    An ``is_resultant`` of several contacts is that of those with foundations, as the bodies have
-    opposite forces where they touch each other.
-
-    A study plots a quantity with a ``trend`` over the keys that vary.  The differences of one that
-    ``settles`` have a rate, one that ``vanishes`` has a rate itself, and counts of cells, points
-    and iterations change in ``jumps``.
+    - ``key``, ``name``, ``meaning``, ``unit``: the dotted key, and texts
+    - ``compute``, ``of``: maps the fields of the body or the contacts to the value; None for
+      values of the solver or the certificate
+    - ``at``: a preposition, if the value has a place, which the summary has as ``<key>_at``
+    - ``share_of``: what it is a share of, printed in per cent
+    - ``beside``: another quantity, without which this one is not printed
+    - ``detail``: folded in reports, and not printed in the terminal
+    - ``derives``: has derivatives (`contact_locking.inverse.quantities`)
+    - ``is_place``: coordinates or None, with columns for all axes in history.csv
+    - ``is_resultant``: of several contacts only those with foundations count
+    - ``trend``: a study plots differences with a rate (settles), a rate (vanishes), counts (jumps)
     """
 
     key: str
@@ -66,15 +64,15 @@ def touches(fields: ContactFields) -> FloatArray:
     return (fields.state != OPEN).astype(float)
 
 
-#: The quantities by key, in the order in which readers meet them.
+#: The quantities by key, in the order of the output.
 QUANTITIES: dict[str, Quantity] = {}
 
 
 def quantity(of: Of, name: str, unit: str, **others: Any) -> Callable[[Any], Any]:
     """Register a collective function: its name is the key, and its docstring the meaning.
 
-    It takes `BodyFields`, or the `Contacts` that the number is of: all for the summary, one for an
-    entry of ``contacts``.  With ``at`` it returns the value and its place, None without one.
+    Its argument is `BodyFields`, or `Contacts`: all of them for the summary, and one for an entry
+    of ``contacts``.  With ``at`` it returns the value and its place, or None.
     """
 
     def register(compute: Any) -> Any:

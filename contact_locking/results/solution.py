@@ -1,4 +1,4 @@
-"""The result of a solve: the displacement, the derived fields, the state and the summary."""
+"""The result of a solve: displacement, derived fields, contact points, state and summary."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _VERDICT = ("converged", "failure", "reason", "suggestion", "warnings")
 
 @dataclass(frozen=True)
 class State:
-    """What the next solve may take from a solution.
+    """What the next solve needs of a solution.
 
-    A solver may start from ``saved``; ``contacts`` are the memories of friction at each contact
-    after the step that has ended with the solution.
+    ``saved`` is a start for the solver, and ``contacts`` is what friction remembers at each contact
+    after the step.
     """
 
     saved: SavedState
@@ -44,7 +44,7 @@ class State:
 
 
 class Differentiable(Protocol):
-    """The derivatives of a solution, as long as its problem is not solved again."""
+    """The derivatives of a solution, valid until its problem is solved again."""
 
     def derivative(self, quantity: str, of: Any) -> Any:
         """As :meth:`Solution.derivative`."""
@@ -55,10 +55,10 @@ class Differentiable(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Solution:
-    """The result of a solve: each rank has a share of the fields, rank 0 all contact points.
+    """The result of a solve; fields are distributed, rank 0 has all contact points.
 
-    P1 stands for the space of displacements, and P0 for that of strains.  Without contact the
-    tables of Gamma_C are empty.
+    P1 stands for the space of displacements and P0 for that of strains, for every element.  Without
+    contact the tables of Gamma_C are empty.
 
     Parameters
     ----------
@@ -83,17 +83,17 @@ class Solution:
     contact_points, contact_facets
         all points of contact, and the facets (m, d) by their numbers; None on ranks but 0
     state
-        all that the next solve may take from this one
+        what the next solve needs of this one
     converged, failure, reason, suggestion, warnings
         whether solver and certificate accept it; code and words of a failure; findings
     certificate, report
-        criteria, balances and errors, None where none were made; what the solver has taken
+        criteria, balances and errors, None if not computed; the outcome of the solver
     facts
-        the numbers by the names of summary.json
+        numbers by their keys of summary.json
     time, history, halved, probes
-        of a step; the probes have a row for each point on rank 0, and are None without any
+        of a step; probes have a row for each point on rank 0, and are None without points
     others, parameters, problem
-        further solutions of a study, its parameters, and the fingerprint of its problem
+        other solutions of a study, its parameters, and the fingerprint of its problem
     """
 
     domain: Domain
@@ -136,45 +136,45 @@ class Solution:
     problem: str = ""
 
     def distance(self, other: Solution) -> dict[str, float]:
-        """``sqrt(a(u - w, u - w))`` as ``energy_norm`` for the displacement w of ``other``.
+        """The distance to the displacement w of another solution on the same mesh.
 
-        ``relative`` is this norm over ``sqrt(a(u, u))``, and ``displacement_norm`` is the L2 norm
-        of eps(u - w).  Collective.  Raises InputError for another mesh or degree.
+        ``energy_norm`` is ``sqrt(a(u - w, u - w))``, ``relative`` is this over ``sqrt(a(u, u))``,
+        and ``displacement_norm`` is the L2 norm of eps(u - w).  Collective.  Raises InputError for
+        another mesh or degree.
         """
         if self.data is None:
-            raise InputError("a solution that was read has no forms", "self")
+            raise InputError("was read from files, which have no forms", "self")
         return distance(self.displacement, other.displacement, self.data)
 
     def derivative(self, quantity: str, of: Any) -> Any:
-        """``dJ/dp``, J being a quantity of the summary such as "contact_force.1" or "compliance".
+        """``dJ/dp`` of a quantity J of the summary, such as "contact_force.1" or "compliance".
 
-        ``of`` is p: a constant of DOLFINx, which gives a number or an array of its shape, a
-        :class:`~contact_locking.inverse.derivatives.Number`, which gives a number, or a function
-        of DOLFINx, which gives a function of its space with the derivatives by its values.  J and p
-        have units, and the derivative that of J over that of p.  Collective.  Raises InputError for
-        a quantity without a derivative, for a step after another one, and if the problem has been
-        solved again, or its data have changed, since the solve.  By the tangent of the last iterate
-        (docs/solver.md, Derivatives).
+        - ``of``: p, a constant of DOLFINx or a :class:`~contact_locking.inverse.derivatives.Number`
+          (the derivative is a number, or an array of its shape), or a function of DOLFINx (the
+          derivative by its values is a function of its space)
+
+        The unit is that of J over that of p.  By the tangent of the last iterate (docs/solver.md,
+        Derivatives).  Collective.  Raises InputError for a quantity without derivatives, for a step
+        after another one, and if the problem was solved again or its data changed since the solve.
         """
         if self.differentiable is None:
             raise InputError(
-                "no derivatives are known of a step after another one, or of a solution that was "
-                "read"
+                "steps after the first, and solutions read from files, have no derivatives"
             )
         return self.differentiable.derivative(quantity, of)
 
     def with_entries(self, **entries: Any) -> Self:
-        """The same solution, whose summary has further or other entries."""
+        """The solution with entries of its summary added or replaced."""
         verdict = {name: entries.pop(name) for name in _VERDICT if name in entries}
         return replace(self, **verdict, facts={**self.facts, **entries})
 
     def with_warnings(self, *findings: Finding) -> Self:
-        """The same solution with further warnings."""
+        """The solution with additional warnings."""
         return replace(self, warnings=[*self.warnings, *findings])
 
     @property
     def summary(self) -> dict[str, Any]:
-        """All numbers and words, as summary.json has them."""
+        """The content of summary.json."""
         verdict: dict[str, Any] = {name: getattr(self, name) for name in _VERDICT}
         judged = {} if self.certificate is None else self.certificate.summary()
         warnings = verdict.pop("warnings")
@@ -188,8 +188,8 @@ StudySolution = Solution
 def summary_text(summary: Mapping[str, Any]) -> str:
     """The summary as JSON.
 
-    JSON has no infinity and no NaN.  The value is null in their place, and the mapping
-    ``not_finite`` gives the number under its dotted key.
+    JSON has no infinity and no NaN: such values are null, and the mapping ``not_finite`` has them
+    by dotted key.
     """
     not_finite: dict[str, str] = {}
     plain = _jsonable(summary, "", not_finite)

@@ -167,7 +167,7 @@ def assemble(
     element = element or element_of(degree, domain.axisymmetric, boxes)
     if element.kinematics is not domain.kinematics:
         raise InputError(
-            "the given element has the kinematics of another body; take P1_REVOLUTION or "
+            "the element has the kinematics of another body; use P1_REVOLUTION or "
             "P2_REVOLUTION for an axisymmetric body, and for no other",
             "mesh.axisymmetric",
         )

@@ -75,7 +75,7 @@ class Cylinder(Sphere):
         if body.dim == 2 and self.axis is not None:
             yield Fault(("axis",), "must be left out in 2D")
         if body.axisymmetric:
-            message = "is no body of revolution about x = 0; take sphere, or half_space"
+            message = "is not a body of revolution about x = 0; use sphere or half_space"
             yield Fault((), message)
 
     def _radial(self, x: FloatArray) -> FloatArray:

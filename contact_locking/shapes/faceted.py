@@ -147,7 +147,7 @@ class Polyline(FacetedFoundation):
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if body.dim != 2:
-            yield Fault((), "is for 2D; in 3D take surface")
+            yield Fault((), "is for 2D; in 3D use surface")
 
     @property
     def file(self) -> str | None:
@@ -297,7 +297,7 @@ class TriangulatedSurface(FacetedFoundation):
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
         if body.dim != 3:
-            yield Fault((), "is for 3D; in 2D take polyline")
+            yield Fault((), "is for 3D; in 2D use polyline")
 
     def read(self, comm: MPI.Intracomm) -> TriangulatedSurface:
         from contact_locking.parallel import on_root

@@ -154,7 +154,7 @@ def read_heights(path: Path, spacing: Sequence[float]) -> tuple[FloatArray, IntA
     """
     heights = _numbers(path)
     if heights.size > _MOST:
-        raise InputError(f"{path} has more than {_MOST} heights; take a coarser grid")
+        raise InputError(f"{path} has more than {_MOST} heights; use a coarser grid")
     if min(heights.shape) < 2:
         shape = " by ".join(map(str, heights.shape))
         raise InputError(f"{path} is no surface: its grid has {shape} heights")

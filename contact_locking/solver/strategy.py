@@ -27,7 +27,7 @@ from contact_locking.solver.ksp import LinearFailure, is_direct
 from contact_locking.solver.task import Counts, Outcome, SavedState, Target, Task, stage_of
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
-BOUND_WAY_OUT = (
+BOUND_ADVICE = (
     "If the friction bound does not settle, lower friction.coefficient or enlarge "
     "friction.smoothing.radius."
 )
@@ -37,12 +37,12 @@ _HELD_BY_FRICTION = (
     "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
     "bound does not settle, enlarge friction.smoothing.radius."
 )
-_VERGE_WAY_OUT = (
+_VERGE_ADVICE = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
     "numbers may be chosen, change one of them by 0.1 %: then there is a solution, or a proof that "
     "there is none."
 )
-_WEDGED_WAY_OUT = (
+_WEDGED_ADVICE = (
     "Lower friction.coefficient.  Where friction wedges the body in, the pressure may grow without "
     "a bound, and there may be no equilibrium."
 )
@@ -74,7 +74,7 @@ class Reasons:
         is_strict = self._task.target.penalty.is_strict
         return find_growth(self._task, self._without_friction[1] if is_strict else None)
 
-    def leave_hope(self, failed: Outcome) -> bool:
+    def may_have_solution(self, failed: Outcome) -> bool:
         """Whether there may be a solution after a failed attempt."""
         task = self._task
         if failed.failure == Infeasible.code or self.is_unbalanced or not task.searches:
@@ -89,7 +89,7 @@ class Reasons:
 
         If forces grow, the system gets the solution for the stiffer of the two penalties.
         """
-        task, failed = self._task, dataclasses.replace(failed, suggestion=_way_out(self._task))
+        task, failed = self._task, dataclasses.replace(failed, suggestion=_advice(self._task))
         if self.is_unbalanced:
             return dataclasses.replace(failed, failure="solver.unheld")
         if task.searches and failed.failure != Infeasible.code and self.growth is not None:
@@ -99,7 +99,7 @@ class Reasons:
                 converged=False,
                 failure="solver.forces_grow",
                 reason=f"{failed.reason}; {self.growth.reason}",
-                suggestion=_WEDGED_WAY_OUT,
+                suggestion=_WEDGED_ADVICE,
             )
         if (verdict := self.verdict) is not None:
             is_strict = task.target.penalty.is_strict
@@ -108,20 +108,20 @@ class Reasons:
                 failed,
                 failure=code,
                 reason=verdict.reason,
-                suggestion=verdict.way_out,
+                suggestion=verdict.advice,
                 admissible_factor=verdict.factor,
             )
         return failed
 
 
-def _way_out(task: Task) -> str:
+def _advice(task: Task) -> str:
     """What may help after a failure without a known reason; collective."""
     system, advice = task.system, [_MORE_ITERATIONS]
     if system.rubbing:
-        advice.append(_HELD_BY_FRICTION if system.held_by_friction else BOUND_WAY_OUT)
+        advice.append(_HELD_BY_FRICTION if system.held_by_friction else BOUND_ADVICE)
     inverse_limits = [strains.inverse_limit.x.array for strains in system.data.sets]
     if maximum(system.comm, np.concatenate(inverse_limits)) > 0.0:
-        advice.append(_VERGE_WAY_OUT)
+        advice.append(_VERGE_ADVICE)
     return "  ".join(advice)
 
 
@@ -145,7 +145,7 @@ class Verdict:
 
     place: str
     factor: tuple[float, float] | None
-    way_out: ClassVar[str] = (
+    advice: ClassVar[str] = (
         "Refine the mesh, lower the prescribed displacements, raise material.locking_limit (or the "
         "limits of material.locking), or move the foundation away; a soft penalty.n has a solution "
         "that exceeds the limit."
@@ -387,7 +387,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
         if outcome.failure == LinearFailure.code and _may_factorise(task):
             task = task.with_settings(linear="direct")
             warnings.append(Finding("solver.factorised"))
-        elif len(attempts) > 1 and reasons.leave_hope(outcome):
+        elif len(attempts) > 1 and reasons.may_have_solution(outcome):
             del attempts[0]
         else:
             outcome = reasons.explain(outcome)

@@ -175,7 +175,7 @@ class Outcome:
     - ``admissible_factor``: bounds of the largest possible share of the prescribed displacements
     - ``from_saved``: whether the solution was reached from a saved state
     - ``tangents``, ``linear``, ``updates``: the cost of all ``stages``
-    - ``warnings``: where the solver did something else than the settings say
+    - ``warnings``: where the solver deviated from the settings
     """
 
     multipliers: Multipliers | None = None

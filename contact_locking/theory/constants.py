@@ -64,7 +64,7 @@ def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
     require_coulomb(state)
     problem = state.problem
     if problem.data.own_energy is not None:
-        raise NotApplicable("the body has an energy of the user's own")
+        raise NotApplicable("the body has your own energy")
     if problem.data.is_paired:
         raise NotApplicable("two bodies touch")
     require_held(state)
@@ -111,7 +111,7 @@ def _constraints_of_lifts(state: SolvedState, rubbing: list[NodalContact]) -> Co
     if on_any_rank(state.comm, acting > 1.0):
         raise NotApplicable("friction or pressure of two contacts acts at one node")
     if on_any_rank(state.comm, (acting > 0.0) & (locks > 0.0)):
-        raise NotApplicable("the body can lock beside Gamma_C")
+        raise NotApplicable("the body can lock next to Gamma_C")
     for contact in rubbing:
         normals = contact.surface.vector_function(contact.normals * contact.free[:, None])
         held = normals.x.array - given.free_part(normals.x.array)

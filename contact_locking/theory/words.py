@@ -96,7 +96,7 @@ def _proved(summary: Mapping[str, Any]) -> str:
     if distance := relative(summary, "penalty"):
         parts.append(_at_most(CHANGE, distance, "what the penalty changes", reached))
     if held:
-        parts.append(f"{count(held, 'bound')} of the theory, which the result keeps")
+        parts.append(f"the result keeps {count(held, 'bound')} of the theory")
     return "; ".join(parts) or "no bound applies"
 
 

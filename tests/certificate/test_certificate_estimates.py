@@ -74,7 +74,7 @@ def told_of(**penalty: Any) -> tuple[Mapping[str, Any], float]:
 def advised(summary: Mapping[str, Any], key: str) -> float:
     """The value of a key in the one warning that names the key."""
     (warning,) = [text for text in summary["warnings"] if f"{key}: " in text]
-    found = re.search(rf"{key}: (\S+) leaves about 1 %", warning)
+    found = re.search(rf"{key}: (\S+) reduces ", warning)
     assert found is not None, warning
     return float(found[1])
 

@@ -196,7 +196,7 @@ def test_a_motion_along_the_force_is_refused() -> None:
         ([0.03, 0.0], "does not push the foundation towards the body"),
         ([0.0, "0*t"], "is zero at all times"),
         (["t", -1.0], "has another direction at t = 1"),
-        ([0.0, "1.5*t - 1"], "is turned round at t = 1"),
+        ([0.0, "1.5*t - 1"], "changes its sign at t = 1"),
         ([0.0, "1/(t - 0.5)"], "contact.foundation.force"),
     ],
 )

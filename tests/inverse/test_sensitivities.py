@@ -47,7 +47,7 @@ def test_names_stand_for_their_numbers() -> None:
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("name", "reason"),
-    [("x", "have already"), ("sin", "have already"), ("2a", "no name for expressions")],
+    [("x", "is already"), ("sin", "is already"), ("2a", "not a valid name")],
 )
 def test_a_name_that_expressions_cannot_use_is_refused(name: str, reason: str) -> None:
     with pytest.raises(cl.InputError, match=reason):

@@ -160,7 +160,7 @@ for version, binary in ((2.2, 0), (2.2, 1), (4.0, 0), (4.1, 0), (4.1, 1)):
     animal(f"Gmsh {version}, {'binary' if binary else 'text'}, of Gmsh", SQUARE_IS)(
         with_gmsh(plate, MshFileVersion=version, Binary=binary)
     )
-animal("straight triangles of second order", Read(SQUARE_IS.measures, "with straight sides"))(
+animal("straight triangles of second order", Read(SQUARE_IS.measures, "sides are straight"))(
     with_gmsh(lambda model: plate(model, order=2))
 )
 animal("triangles of third order", r"first or second order.*setOrder\(1\)")(

@@ -399,9 +399,9 @@ def test_loads_and_strains_beyond_the_theory_are_warned_of_in_numbers_that_one_c
     words = ["--output", str(tmp_path / "out"), "--quiet", "--set", "output={picture: false}"]
     assert cli.main(["run", str(changed(tmp_path, changes)), *words]) == 0
     errors = capsys.readouterr().err
-    assert "loads.tractions.0.value: it reaches 2.6e+08 times the stiffness" in errors
+    assert "loads.tractions.0.value: reaches 2.6e+08 times the stiffness" in errors
     assert "e+08 times its limit: penalty.n: " in errors
-    assert "this theory is of small strains: do the units" in errors
+    assert "this theory is for small strains: check that the units" in errors
     assert max(map(len, re.findall(r"\d+", errors))) < 4
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert [f"warning: {text}" for text in summary["warnings"]] == errors.splitlines()

@@ -25,8 +25,8 @@ _TOUCH, _TURN = 0.02, 0.7
 _POINTS = 32
 # Words of the program about tools, loads and data.
 _TOOL_WORDS = ("between the nodes", "that the nodes miss")
-_LOAD_WORDS = ("changes too sharply", "its resultant is uncertain", "is zero at all points")
-_DATA_WORDS = ("where the mesh sees it", "changes from")
+_LOAD_WORDS = ("changes too sharply", "its resultant is uncertain", "zero at all quadrature points")
+_DATA_WORDS = ("where it is evaluated", "changes from")
 
 
 def _mesh(random: Random, h: float) -> Study:

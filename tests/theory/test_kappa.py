@@ -67,7 +67,7 @@ STACKED = {
         ({"friction__coefficient": 0.4}, UNKNOWN, "is not below 1"),
         ({"friction__coefficient": "0.1 + 0*s"}, UNKNOWN, "depends on the slip"),
         ({"friction__coefficient": "0.1*x"}, BY_KAPPA, "is below 1"),
-        ({"material__locking_limit": 0.5}, UNKNOWN, "can lock beside Gamma_C"),
+        ({"material__locking_limit": 0.5}, UNKNOWN, "can lock next to Gamma_C"),
         ({"contact__on": ["bottom"], "certificate": {}}, UNKNOWN, "certificate.constants is false"),
         ({"loads": SLIDING}, UNKNOWN, "displacement conditions alone do not hold the body"),
         ({"contact": [{"on": "bottom"}, {"on": "left"}]}, UNKNOWN, "two contacts acts at one node"),

@@ -140,7 +140,7 @@ def test_constants_of_a_slip_dependent_coefficient_are_sampled() -> None:
         ({"friction__coefficient": 0.0}, "covered by theory", "no friction"),
         ({"friction__coefficient": 0.05, "penalty__epsilon": 0.1}, SAMPLED, "is below"),
         ({"friction__coefficient": 0.3}, "not known", "is not below"),
-        ({"penalty__n": math.inf}, "not known", "can lock beside Gamma_C"),
+        ({"penalty__n": math.inf}, "not known", "can lock next to Gamma_C"),
     ],
 )
 def test_uniqueness_is_covered_by_theory_by_sampled_constants_or_not_known(

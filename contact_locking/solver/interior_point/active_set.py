@@ -118,10 +118,10 @@ class ActiveSet:
     def from_elastic(self) -> Iterate | None:
         """Solve from the elastic displacement, which is restored if that fails."""
         beyond = np.zeros(2)
-        self._tangent.visit()
+        self._tangent.update()
         for family, law in self._laws.items():
             family.takes_part = True
-            family.look(self._tangent.present())
+            family.update(self._tangent.present())
             family.z[:] = 0.0
             law.start(np.zeros_like(family.seen))
             if isinstance(family, ContactCones):
@@ -135,7 +135,7 @@ class ActiveSet:
             return None
         return self._solve_or_restore(is_linearised=False)
 
-    def knows(self, last: SavedState) -> bool:
+    def fits(self, last: SavedState) -> bool:
         """Whether a saved state has pairs of the shapes of these laws."""
         families = list(self._laws)
         fits = len(families) == len(last.cones) and all(
@@ -159,11 +159,11 @@ class ActiveSet:
         system.u.x.array[:] = last.displacement
         if len(last.travels) == len(system.tools):
             system.tools.travels = last.travels
-        self._tangent.visit()
+        self._tangent.update()
         self._judge.begin(self._judge.mean_strain(self._task.settings.tolerance))
         for (family, law), pair in zip(self._laws.items(), last.cones, strict=True):
             family.takes_part = True
-            family.look(self._tangent.present())
+            family.update(self._tangent.present())
             x, z = (np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair
             law.resume((slides_on * x, z))
             for bound in self._fixed:
@@ -172,10 +172,10 @@ class ActiveSet:
             law.linearise()
             law.evaluate()
         system.constraints.apply(system.u)
-        self._tangent.visit()
+        self._tangent.update()
         for family, law in self._laws.items():
             before = family.seen
-            family.look(self._tangent.present())
+            family.update(self._tangent.present())
             law.extrapolate(before)
         iterate = self._solve_or_restore(is_linearised=True)
         if iterate is None:
@@ -229,7 +229,7 @@ class ActiveSet:
             is_linearised = False
             if keeps:
                 assert bound_step is not None
-                bound_step.look()
+                bound_step.linearise()
             else:
                 tangent.refresh()
                 task.counts.tangents += 1
@@ -290,7 +290,7 @@ class ActiveSet:
 
     def _direction(self, bound_step: BoundStep) -> Direction:
         """The direction together with the steps of the friction bounds that agree with it."""
-        bound_step.stand_still()
+        bound_step.reset()
         direction = self._direction_of(self._displacement())
         if not self._moving or bound_step.agrees(direction):
             return direction
@@ -318,10 +318,10 @@ class ActiveSet:
         if tangent.trusted(1.0, direction.displacement) < 1.0:
             raise NotConverged("the forces of the body are far from those of its tangent")
         tangent.move(1.0, direction.displacement)
-        tangent.visit()
+        tangent.update()
         steps = self._cones.steps(direction.step)
         for (family, law), step in zip(self._laws.items(), steps, strict=True):
-            family.look(tangent.present())
+            family.update(tangent.present())
             law.advance(step)
         if not self._moving:
             return

@@ -121,19 +121,19 @@ class BoundStep:
     ) -> None:
         self._tangent, self._tuning, self.contracts = tangent, tuning, contracts
         self._bounds = bounds
-        self.look()
+        self.linearise()
         counts = [len(law.friction.weights) for law in self._laws]
         self._ends = np.cumsum(counts)[:-1]
         # Steps of the bounds, their images by the equation, and their displacements.
         self._known: list[tuple[FloatArray, FloatArray, FloatArray]] = []
-        self._foreseen = 0.0
+        self._predicted = 0.0
 
-    def look(self) -> None:
+    def linearise(self) -> None:
         """Linearise the laws at the iterate; known responses of the tangent are kept."""
         most = self._tuning.bound_most_taken
         self._laws = [BoundLaw(bound, most) for bound in self._bounds]
 
-    def foresee(self, predictor: Direction) -> None:
+    def predict(self, predictor: Direction) -> None:
         """Set the step of each bound to that of the predictor, if the map contracts.
 
         These steps nearly agree with the corrector, which saves back-substitutions.
@@ -141,7 +141,7 @@ class BoundStep:
         if not self.contracts:
             return
         steps = [law.distance(predictor) for law in self._laws]
-        self._foreseen = self._norm(np.concatenate(steps))
+        self._predicted = self._norm(np.concatenate(steps))
         for law, part in zip(self._laws, steps, strict=True):
             law.change(part)
 
@@ -150,7 +150,7 @@ class BoundStep:
         residual = self._norm(np.concatenate([law.distance(direction) for law in self._laws]))
         return residual <= self._enough(residual)
 
-    def stand_still(self) -> None:
+    def reset(self) -> None:
         """Set the step of each bound to zero."""
         for law in self._laws:
             law.friction.bound_step = np.zeros(len(law.friction.weights))
@@ -198,7 +198,7 @@ class BoundStep:
         Generalised conjugate residuals, which reuse the search directions of earlier solves.
         """
         change, residual, start = np.zeros_like(right), right.copy(), self._norm(right)
-        displacement = self._tangent.nothing()
+        displacement = self._tangent.zeros()
         for i in range(self._tuning.bound_iterations):
             size = self._norm(residual)
             # The responses of an iterative solver are too rough for this test.
@@ -217,7 +217,7 @@ class BoundStep:
 
     def _enough(self, start: float) -> float:
         """The residual at which the equation counts as solved; ``start`` is the first one."""
-        rough = self._tuning.bound_rtol_foreseen * self._foreseen if self.contracts else 0.0
+        rough = self._tuning.bound_rtol_predicted * self._predicted if self.contracts else 0.0
         return max(rough, self._tuning.bound_rtol * start)
 
     def _learn(self, step: FloatArray) -> None:

@@ -210,7 +210,7 @@ class FrictionCones(OnContact, Slips):
     def see(self, displacement: FloatArray) -> FloatArray:
         return along_planes(self.nodes.displacements(displacement), self.normal)
 
-    def look(self, displacement: FloatArray) -> None:
+    def update(self, displacement: FloatArray) -> None:
         moved = self.nodes.displacements(displacement) - self.nodes.old_slips()
         self.seen = along_planes(moved, self.normal)
 

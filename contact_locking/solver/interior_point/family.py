@@ -52,7 +52,7 @@ class Family(PointCones):
         """Add the forces on the travels of the tools (T,), or their magnitudes, of this rank."""
         return
 
-    def look(self, displacement: FloatArray) -> None:
+    def update(self, displacement: FloatArray) -> None:
         """Set ``seen`` for this displacement.
 
         Its travels are zero, because the gaps contain the present travels of the tools.

@@ -67,7 +67,7 @@ def families_of(
 ) -> Families:
     """One family for each set of strains, and for contact and friction on each part of Gamma_C.
 
-    There is none for a set without a limit anywhere, for friction without friction, and for a
+    There is none for a set without a limit anywhere, for a friction coefficient of zero, and for a
     pushed foundation without a force, which does not touch the body.  Collective.
 
     - ``least_bound``: the least friction bound over the largest
@@ -118,11 +118,11 @@ class Iterate:
         arrays = [values for family in self.families for values in (family.x, family.z)]
         return on_every_rank(self.comm, all(bool(np.isfinite(each).all()) for each in arrays))
 
-    def visit(self) -> None:
+    def update(self) -> None:
         """Update forces and families to the system's displacement, for the methods below."""
-        self.tangent.visit()
+        self.tangent.update()
         for family in self.families:
-            family.look(self.tangent.present())
+            family.update(self.tangent.present())
 
     def soften(self, softness: float) -> None:
         """Let steps have at least the compliance ``softness``, a strain over a stress."""
@@ -153,7 +153,7 @@ class Iterate:
 
         Forces are linear in displacement and multipliers; products change in second order.
         """
-        at_rest = self._direction_of(self.tangent.nothing())
+        at_rest = self._direction_of(self.tangent.zeros())
         steps = zip(self.families, self.cones.steps(direction.step), strict=True)
         reactions = [
             Reaction(family, family.reactions_of(family.z + t * step.dual))

@@ -105,7 +105,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
     # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
-    resistance += (tangent.left_unbalanced() + _pull_of_springs(system, rho)) * farthest
+    resistance += (tangent.residual_forces() + _pull_of_springs(system, rho)) * farthest
     pressures = [item for item in reactions if isinstance(item.family, OnContact)]
     pressed = (float(item.family.weights @ np.abs(item.values)) for item in pressures)
     resistance += GAP_ROUNDING * target.length * _summed(iterate, pressed)
@@ -205,7 +205,7 @@ class Judge:
     def measure(self, iterate: Iterate) -> Measures:
         """Update the iterate and measure it; collective."""
         tangent, target = self._tangent, self._task.target
-        iterate.visit()
+        iterate.update()
         tolerance = self._task.settings.tolerance
         strain = self.mean_strain(tolerance)
         # The gap bounds the square of an error, so it is compared with the square of the rounding.

@@ -289,7 +289,7 @@ class InteriorPoint:
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
         pieces = self._pieces_of_laws(last is not None, by_pieces_alone)
-        if pieces is not None and last is not None and pieces.knows(last):
+        if pieces is not None and last is not None and pieces.fits(last):
             self._is_from_saved = self._accept(pieces, pieces.from_last(last))
             if self._is_from_saved:
                 return True
@@ -323,8 +323,8 @@ class InteriorPoint:
         self._iterate = Iterate(tangent, tuning.band)
         self._iterate.soften(0.0)
         self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
-        settings, foresees = task.settings, self._approach.trusts_newton
-        self._search = Search(self._iterate, self._moving, tuning, settings, foresees)
+        settings, predicts = task.settings, self._approach.trusts_newton
+        self._search = Search(self._iterate, self._moving, tuning, settings, predicts)
         return False
 
     def _pieces_of_laws(self, has_saved: bool, is_required: bool) -> ActiveSet | None:

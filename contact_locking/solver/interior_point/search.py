@@ -18,7 +18,7 @@ from contact_locking.solver.settings import Settings
 class Search:
     """The steps 4 to 8 of :mod:`method` for an iterate whose tangent is assembled.
 
-    ``foresees`` is ``trusts_newton`` of the approach.  Methods are collective.
+    ``predicts`` is ``trusts_newton`` of the approach.  Methods are collective.
     """
 
     def __init__(
@@ -27,9 +27,9 @@ class Search:
         bounds: Sequence[MovingBound],
         tuning: Tuning,
         settings: Settings,
-        foresees: bool = False,
+        predicts: bool = False,
     ) -> None:
-        self._foresees, self._gap_aim = foresees, tuning.gap_aim
+        self._predicts, self._gap_aim = predicts, tuning.gap_aim
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
@@ -60,8 +60,8 @@ class Search:
             centring *= tuning.bolder
         target = self._limited(centring, measures) * before
         bound_step = BoundStep(self._bounds, iterate.tangent, tuning, self._bounds_contract)
-        if self._foresees and measures.gap > tuning.foreseen_above:
-            bound_step.foresee(affine)
+        if self._predicts and measures.gap > tuning.predicted_above:
+            bound_step.predict(affine)
         # 5. The corrector.
         trust = min(1.0, t / tuning.trusted_length)
         corrections = trust * iterate.cones.correction(affine.step)
@@ -133,9 +133,9 @@ class Search:
     def _joint(self, bound_step: BoundStep, target: float, corrections: FloatArray) -> Direction:
         """As :meth:`_with_bounds`, by one joint solve."""
         iterate, tangent = self._iterate, self._iterate.tangent
-        bound_step.stand_still()
+        bound_step.reset()
         aims = iterate.aims(target, corrections)
-        rest = iterate.direction_with(tangent.nothing(), target, corrections)
+        rest = iterate.direction_with(tangent.zeros(), target, corrections)
         aims = [*aims, *bound_step.standing(rest)]
         du = tangent.solve_following(aims, bound_step.following, self._accuracy)
         if bound_step.follow(du):

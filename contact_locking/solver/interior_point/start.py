@@ -39,7 +39,7 @@ class ElasticStart:
         """Set the system to the elastic displacement; True if that is the solution."""
         tangent, tuning = self._tangent, self._tuning
         self._move_rigidly()
-        self._look()
+        self._update()
         if self._system.held_by_contact:
             self._carried = abs(tangent.load_work())
         push = self._set_springs()
@@ -52,7 +52,7 @@ class ElasticStart:
         self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)
         if tangent.is_linear:
             tangent.move(1.0, self._moved + self._loaded)
-            self._look()
+            self._update()
         else:
             self._minimise(push)
             self._loaded = tangent.present() - start - self._moved
@@ -88,15 +88,15 @@ class ElasticStart:
                 self._task.counts.tangents += 1
             step = tangent.solve_step(springs, tolerance)
             tangent.move(tangent.trusted(1.0, step), step)
-            self._look()
+            self._update()
         raise NotConverged("Newton's method without contact and limits took too many steps")
 
     def _sharpen(self) -> None:
         """Refine the displacement until the forces are balanced to the tolerance."""
         tangent, accuracy = self._tangent, self._tuning.start_sharpness * self._tolerance
         for _ in range(_SHARP_SOLVES):
-            tangent.move(1.0, tangent.step_after(tangent.nothing(), [], accuracy))
-            self._look()
+            tangent.move(1.0, tangent.step_after(tangent.zeros(), [], accuracy))
+            self._update()
             if tangent.residual_norms([])[0] <= self._tolerance * tangent.force_scale:
                 break
 
@@ -129,13 +129,13 @@ class ElasticStart:
         self._tangent.move(kept - 1.0, self._loaded)
         if not math.isfinite(self._system.forms.own_energy(self._system.u)):
             self._tangent.move(1.0 - kept, self._loaded)
-        self._look()
+        self._update()
         return max(self._size(), kept * self.strain)
 
-    def _look(self) -> None:
-        self._tangent.visit()
+    def _update(self) -> None:
+        self._tangent.update()
         for family in self._tangent.families:
-            family.look(self._tangent.present())
+            family.update(self._tangent.present())
 
     def _size(self) -> float:
         """The mean strain, at least that which would remove the overlap with the foundation."""

@@ -37,9 +37,9 @@ _BORDER_ACCURACY, _LEAST = 1e-10, 1e-15
 class Tangent:
     """``a(du, v)`` plus ``int D lin(du) . lin(v)`` of every family, and the forces it balances.
 
-    Displacements and forces are arrays of owned values followed by one entry for the travel of each
-    tool, the same on all ranks.  Elastic and spring forces are those at the last :meth:`visit`.
-    Methods are collective.
+    Displacements and forces are arrays of owned values, followed by one entry for the travel of
+    each pushed foundation (tool), the same on all ranks.  Elastic and spring forces are those at
+    the last :meth:`update`.  Methods are collective.
 
     The travels q border the tangent K: ``K x + B q = r``, ``B^T x + C q = s``.  ``K Y = B`` is
     solved once for each tangent.  Then ``(C - B^T Y) q = s - B^T x_0`` and ``x = x_0 - Y q`` with
@@ -81,7 +81,7 @@ class Tangent:
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
         self._vectors = [self.matrix.createVecRight() for _ in range(5)]
         self._step, self._answer, self._right, self._moved, self._product = self._vectors
-        self._load = self._stretched = self._unbalanced = self.nothing()
+        self._load = self._stretched = self._unbalanced = self.zeros()
         self._linear = tangent_solver(
             self.matrix,
             system.dim,
@@ -91,7 +91,7 @@ class Tangent:
             self._coarser_space,
         )
 
-    def visit(self) -> None:
+    def update(self) -> None:
         """Evaluate elastic forces and energy at the system's displacement."""
         system, tools = self.system, self.system.tools
         displacement = self.present()
@@ -162,7 +162,7 @@ class Tangent:
     def step_after(
         self, step: FloatArray, reactions: Sequence[Reaction], accuracy: float
     ) -> FloatArray:
-        """As :meth:`solve_step` after a step, whose elastic forces are added first."""
+        """As :meth:`solve_step`, from zero and with the elastic forces of ``step`` added before."""
         self._unbalanced = self._unbalanced + self.elastic_times(step)
         self._step.set(0.0)
         return self.solve_step(reactions, accuracy, is_rough=True)
@@ -218,7 +218,7 @@ class Tangent:
         residual = accuracy * self._norm(self._free(forces))
         return self._solve(forces, self._answer, residual, is_rough)
 
-    def left_unbalanced(self) -> float:
+    def residual_forces(self) -> float:
         """The sum of the magnitudes of the nodal forces that the last :meth:`balance` leaves."""
         self._linear.multiply(self._answer, self._moved)
         self._moved.axpy(-1.0, self._right)
@@ -243,7 +243,7 @@ class Tangent:
             on_tools = self.comm.allreduce(on_tools)
         return np.append(self._moved.array_r, on_tools)
 
-    def nothing(self) -> FloatArray:
+    def zeros(self) -> FloatArray:
         """A displacement step of zero."""
         return np.zeros(self._owned + len(self.system.tools))
 
@@ -361,7 +361,7 @@ class Tangent:
         self._border, self._responses = np.zeros((2, count, self._owned))
         corner = np.diag(self.system.tools.stiffnesses)
         for number in range(count):
-            travel = self.nothing()
+            travel = self.zeros()
             travel[self._owned + number] = 1.0
             pressed = [family for family in self.families if family.tool == number]
             reactions = [Reaction(family, family.block(family.see(travel))) for family in pressed]

@@ -109,10 +109,10 @@ class Tuning:
     bound_contracts: float = 0.2
     #: If it contracts and the duality gap is above this, the predictor includes the step of the
     #: bound.
-    foreseen_above: float = 1e-5
+    predicted_above: float = 1e-5
     #: The residual that then suffices, relative to the predicted step: the following steps reduce
     #: it anyway.
-    bound_rtol_foreseen: float = 0.1
+    bound_rtol_predicted: float = 0.1
     #: The most iterations for that step.
     bound_iterations: int = 30
     #: A step reduces the bound by at most this share, so that it stays positive.

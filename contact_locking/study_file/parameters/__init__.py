@@ -292,7 +292,7 @@ class Parameters(Concept):
         if over_loads and not any(self.shared_loads()):
             yield Fault(
                 ("branches", "over"),
-                "names no load; take friction.coefficient, loads, or the key of a load, such as "
+                "names no load; use friction.coefficient, loads, or the key of a load, such as "
                 "loads.tractions.0.value",
             )
         if self.sensitivities is not None and not self.sensitivities.to:

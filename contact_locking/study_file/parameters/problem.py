@@ -214,7 +214,7 @@ def _section_faults(builder: str, geometry: Any) -> Iterator[Fault]:
     place = ("axisymmetric",)
     if geometry.dim != 2:
         section = "builder: disc with quarter: true" if builder == "ball" else "dim: 2"
-        yield Fault(place, f"needs a mesh in two dimensions, the half section; take {section}")
+        yield Fault(place, f"needs a mesh in two dimensions, the half section; use {section}")
     elif getattr(geometry, "quarter", None) is False:
         yield Fault(
             ("quarter",),
@@ -414,6 +414,6 @@ def name_faults(names: Iterable[str], what: str) -> Iterator[Fault]:
         yield Fault((), f"has {len(names)} {what}; at most {_MOST_TABLES} are allowed")
     for name in names:
         if not (name.isascii() and name.isidentifier()) or iskeyword(name):
-            yield Fault((name,), "is no name for expressions; take letters, digits and _")
+            yield Fault((name,), "is not a valid name in expressions; use letters, digits and _")
         elif name in _TAKEN:
-            yield Fault((name,), "is a name that expressions have already; take another")
+            yield Fault((name,), "is already a name in expressions; use another one")

@@ -12,28 +12,28 @@ from contact_locking.values.value import entry
 #: By the name of a key, or by the whole key where another section has the name; the sentence stands
 #: in brackets after "unknown key".
 REMOVED_KEYS: dict[str, str] = {
-    "bound_meshes": "the error bound is that of the mesh of the study: take a finer mesh",
+    "bound_meshes": "the error bound is that of the mesh of the study: use a finer mesh",
     "by": "meshes are adapted by the estimate, certificate.errors.mesh; leave the key out",
     "at_supports": "beside supports R keeps constant pressures, as by keep; leave the key out",
-    "tilt": "a foundation does not turn by itself: give motion a rotation, or take a stiff body "
+    "tilt": "a foundation does not turn by itself: give motion a rotation, or use a stiff body "
     "that touches in its place",
     "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
     "expansion to the limit where the body may expand freely",
-    "curved": "all cells have straight sides; take a smaller mesh.h where a side is round",
+    "curved": "all cells have straight sides; use a smaller mesh.h where a side is round",
     "animation": "there are no animations: ParaView plays the steps of fields.bp",
     "limit_at": "the limit is kept at the vertices of triangles and tetrahedra, hence everywhere, "
     "and at the Gauss points elsewhere; leave the key out",
     "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
     "take solver.method: penalty for updates around whole solves, with their contraction factor",
     "starts": "a fit is one search; begin others with other numbers in start",
-    "facets": "tags of facets stand in mesh.file itself: write mesh and tags to one file with "
+    "facets": "tags of facets belong into mesh.file itself: write mesh and tags to one file with "
     "dolfinx.io.XDMFFile, or name parts of the boundary by place, mesh.parts",
 }
 
 #: By the name of a key and one of its values; the sentence is the whole message.
 REMOVED_VALUES: dict[tuple[str, str], str] = {
     ("coefficient", "inf"): "must be finite: take 1e3, with which hardly anything slips",
-    ("norm", "largest_principal"): "largest_principal is no norm of limits; take strain, which "
+    ("norm", "largest_principal"): "largest_principal is not a norm of limits; use strain, which "
     "implies it, or direction along the fibres that stretch most",
 }
 
@@ -67,7 +67,7 @@ _NO_TIES = (
 )
 _NO_LARGE_STRAIN = (
     "large strain and turns are not modelled: strains are linear in the displacement; leave it "
-    "out for small ones, and take another program for large ones"
+    "out for small ones, and use another program for large ones"
 )
 # Keys that users look for and that there are not, with what to do instead.
 _ABSENT = {
@@ -103,7 +103,7 @@ def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
     if colon and name in known:
         hint = f" (a blank is missing after the colon: '{name}: {value}')"
     elif key.isdecimal():
-        hint = " (numbers take a decimal point, not a comma)"
+        hint = " (numbers have a decimal point, not a comma)"
     else:
         hint = meant(key, known) or elsewhere
     return f"unknown key{hint}; known here: {', '.join(known)}"
