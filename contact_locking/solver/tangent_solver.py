@@ -321,11 +321,15 @@ class KspTangents:
         if self._listener is not None:
             self._listener.raise_kept()
         self.iterations += self._ksp.getIterationNumber()
-        # Unlike CHOLMOD, MUMPS counts negative pivots and goes on.
+        if self._has_negative_pivots():
+            raise PETSc.Error(_NOT_DEFINITE)
+
+    def _has_negative_pivots(self) -> bool:
+        """Whether MUMPS, which goes on where CHOLMOD stops, has met negative pivots."""
+        # In the frame of an exception, `pc` would outlive the solver on one rank alone.
         pc = self._ksp.getPC()
         by_mumps = pc.getType() == "cholesky" and pc.getFactorSolverType() == "mumps"
-        if by_mumps and pc.getFactorMatrix().getMumpsInfog(12) > 0:
-            raise PETSc.Error(_NOT_DEFINITE)
+        return by_mumps and pc.getFactorMatrix().getMumpsInfog(12) > 0
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
