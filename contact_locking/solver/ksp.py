@@ -83,7 +83,7 @@ class UserOptions(dict[str, Any]):
 
 
 def user_options(options: Mapping[str, Any], prefix: str = PREFIX) -> dict[str, Any]:
-    """What the user asks of solvers under a prefix: PETSc's database wins over ``options``."""
+    """Options of the user under a prefix: PETSc's database wins over ``options``."""
     part = prefix.removeprefix(PREFIX)
     named = {key.removeprefix(part): options[key] for key in options if key.startswith(part)}
     return {key.lower(): value for key, value in named.items()} | PETSc.Options(prefix).getAll()

@@ -115,7 +115,7 @@ class Reasons:
 
 
 def _advice(task: Task) -> str:
-    """What may help after a failure without a known reason; collective."""
+    """Advice after a failure without a known reason; collective."""
     system, advice = task.system, [_MORE_ITERATIONS]
     if system.rubbing:
         advice.append(_HELD_BY_FRICTION if system.held_by_friction else BOUND_ADVICE)

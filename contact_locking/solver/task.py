@@ -1,4 +1,4 @@
-"""What a solver gets, a :class:`Task`, and what it returns, an :class:`Outcome`."""
+"""The input of a solver, a :class:`Task`, and its result, an :class:`Outcome`."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def stage_of(penalty: Penalty, tangents: int) -> dict[str, float | int]:
 
 @dataclass(frozen=True)
 class Task:
-    """What to solve: the system with its displacement, the target, and the settings.
+    """A solve to do: the system with its displacement, the target, and the settings.
 
     - ``monitor``, ``counts``: receive the progress and the cost of the solve
     - ``is_unbalanced``: proves that no forces balance the loads, if it can; collective

@@ -1,4 +1,4 @@
-"""What an iterate shows: how far it is from a solution, or that there is none.
+"""Measures of an iterate: its distance from a solution, or a proof that there is none.
 
 It is judged by the scales of its problem.  That no displacement of the mesh is admissible is proved
 by Farkas's lemma.
