@@ -111,7 +111,7 @@ def append(functions: list[fem.Function], path: Path, time: float, new: bool) ->
                 _append_time(group, functions, time, comm.size)
             for function in functions:
                 _extend(group, f"PointData/{function.name}", values_at_nodes(function))
-    except RuntimeError as error:
+    except (OSError, RuntimeError) as error:  # with texts of many lines
         number = re.search(r"errno = (\d+)", str(error))
         code = int(number[1]) if number else errno.EIO
         raise OSError(code, os.strerror(code), str(path)) from error

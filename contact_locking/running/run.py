@@ -143,7 +143,7 @@ class FieldSeries(contextlib.ExitStack):
     def __init__(self, directory: Path, comm: MPI.Intracomm) -> None:
         super().__init__()
         self._target, self._comm, self._new = directory, comm, True
-        self.path = self.enter_context(_staging(comm, directory)) / names.FIELDS
+        self.path: Path = self.enter_context(_staging(comm, directory)) / names.FIELDS
 
     def add(self, solution: Solution) -> None:
         """Add the fields of a step with its time, one rank after the other; collective."""
