@@ -95,7 +95,7 @@ class NodalForces(NamedTuple):
     load: FloatArray
     elastic: FloatArray
     touching: FloatArray
-    own: FloatArray
+    own_energy: FloatArray
     reacting: FloatArray
 
 

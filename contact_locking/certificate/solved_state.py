@@ -346,7 +346,7 @@ def _rows(
             places, directions = placed.rows_at(nodes)
             is_on_part = np.isin(nodes[places], on_part)
             yield name, places[is_on_part], directions[is_on_part]
-    for number, condition in enumerate(constraints.given):
+    for number, condition in enumerate(constraints.bcs):
         dofs = condition.dof_indices()[0]
         for axis, direction in enumerate(np.eye(dim)):
             places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)

@@ -82,30 +82,30 @@ class NodalContact:
 
     def __init__(
         self,
-        given: Contact,
+        concept: Contact,
         surface: ContactSurface,
         constraints: Constraints,
         slip: float,
         clock: Clock,
     ) -> None:
-        self.given, self.key, self.on = given, given.key, given.on
+        self.concept, self.key, self.on = concept, concept.key, concept.on
         self.surface, self._constraints, domain = surface, constraints, surface.domain
         self.clock = clock
         self.foundation: PlacedFoundation = (
-            PlacedFoundation(domain, given.gap, f"{self.key}.gap", clock)
-            if given.foundation is None
-            else RigidFoundation(domain, given.foundation, f"{self.key}.foundation", clock)
+            PlacedFoundation(domain, concept.gap, f"{self.key}.gap", clock)
+            if concept.foundation is None
+            else RigidFoundation(domain, concept.foundation, f"{self.key}.foundation", clock)
         )
         gap, normals = self.foundation.at_nodes(surface)
         self._first_gap = gap
         self.free = surface.free_nodes(normals, constraints)
         self.slides = surface.sliding_nodes(constraints)
-        self.against = tuple(given.against or ())
+        self.against = tuple(concept.against or ())
         self._sides: IntArray = surface.sides(normals)
-        friction = given.friction or Coulomb()
+        friction = concept.friction or Coulomb()
         self._kernel = friction.kernel
         self.friction = friction.on(surface, self._kernel.on(surface, self.free, self._sides))
-        self.friction.key = given.friction_key("coefficient")
+        self.friction.key = concept.friction_key("coefficient")
         regularisation = friction.regularisation
         self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim
@@ -130,7 +130,7 @@ class NodalContact:
             kind = "foundation" if self.foundation.has_shape else "gap"
             findings.append(Finding("gap.inside", f"{self.key}.{kind}", depth=depth))
         findings += self.foundation.findings(surface, self._first_gap)
-        smoothing = self.given.friction_key("smoothing")
+        smoothing = self.concept.friction_key("smoothing")
         findings += [x.at(f"{smoothing}.{x.key}") for x in self._kernel.findings(surface)]
         if self.foundation.has_shape and not self.moves:
             findings += self._overlap()
@@ -281,7 +281,7 @@ class NodalContact:
     @property
     def pairs_anew(self) -> bool:
         """Whether two bodies are paired anew in each step."""
-        return self.surface.frame is not None and self.given.pair != "once"
+        return self.surface.frame is not None and self.concept.pair != "once"
 
     def slid(self, u: fem.Function) -> FloatArray:
         """How far (k,) the nodes have slid off the points that they were paired with."""
@@ -292,7 +292,7 @@ class NodalContact:
     @property
     def is_free(self) -> bool:
         """Whether the travel of the foundation is an unknown."""
-        return self.given.is_free
+        return self.concept.is_free
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
@@ -365,9 +365,9 @@ class NodalContact:
 
         Both are evaluated without slip, and the bound at a small pressure.  Collective.
         """
-        friction, surface, given = self.friction, self.surface, self.given.friction
+        friction, surface, law = self.friction, self.surface, self.concept.friction
         comm, count = surface.domain.comm, len(surface.points)
-        expression = given and given.coefficient and given.coefficient.expression
+        expression = law and law.coefficient and law.coefficient.expression
 
         def require(values: FloatArray, what: str, key: str) -> None:
             is_right = np.isfinite(values) & (values >= 0.0)
@@ -380,7 +380,7 @@ class NodalContact:
             slip = np.zeros(count)
             return np.array(friction.law(surface.points, slip)) if count or expression else slip
 
-        key = self.given.friction_key("coefficient")
+        key = self.concept.friction_key("coefficient")
         mu = agree(comm, lambda: with_key(key, coefficients))
         require(mu, "mu must be a finite number from 0 up everywhere", key)
         if friction.is_coulomb:

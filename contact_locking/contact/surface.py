@@ -47,14 +47,14 @@ class SurfaceMesh:
     """The nodes of Gamma_C with their weights, and its facets; made by ``ContactSurface.whole``.
 
     ``points`` (k, d), ``weights`` (k,) and ``facets`` (m, d), as numbers of nodes, are the same on
-    every rank; ``own`` is the range of the nodes that this rank owns.  ``axisymmetric`` says that
+    every rank; ``owned`` is the range of the nodes that this rank owns.  ``axisymmetric`` says that
     the points (r, z) stand for circles.
     """
 
     points: FloatArray
     weights: FloatArray
     facets: IntArray
-    own: slice
+    owned: slice
     axisymmetric: bool = False
 
     @cached_property
@@ -102,7 +102,7 @@ class SurfaceMesh:
     def _along_curves(self, radius: float) -> Iterator[Pairs]:
         from scipy.sparse.csgraph import dijkstra
 
-        first, last, _ = self.own.indices(len(self.points))
+        first, last, _ = self.owned.indices(len(self.points))
         for start in range(first, last, _ROWS):
             some = np.arange(start, min(start + _ROWS, last))
             lengths = dijkstra(self.edges, directed=False, indices=some, limit=radius)
@@ -113,7 +113,7 @@ class SurfaceMesh:
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import cKDTree
 
-        first, last, _ = self.own.indices(len(self.points))
+        first, last, _ = self.owned.indices(len(self.points))
         tree = cKDTree(self.points)
         for node in range(first, last):
             ball = tree.query_ball_point(self.points[node], radius, return_sorted=True)

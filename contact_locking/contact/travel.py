@@ -45,7 +45,7 @@ class Travel:
 
     def __init__(self, contact: NodalContact) -> None:
         self.contact, self.force, self.stiffness = contact, 0.0, 0.0
-        foundation, clock = contact.given.foundation, contact.clock
+        foundation, clock = contact.concept.foundation, contact.clock
         assert foundation is not None
         self._spring: FoundationSpring | None = foundation.spring
         self._force: Sequence[Value] = foundation.force or ()

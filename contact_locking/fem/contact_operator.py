@@ -122,8 +122,8 @@ class ContactOperator:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for item in (self._vector, self._gathered, self._scatter):
-            item.destroy()
+        for petsc_object in (self._vector, self._gathered, self._scatter):
+            petsc_object.destroy()
 
 
 @dataclass(frozen=True)

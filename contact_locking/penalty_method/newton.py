@@ -147,8 +147,8 @@ class Newton:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._options.remove()
-        for item in (self._snes, self._matrix, self._x, self._f):
-            item.destroy()
+        for petsc_object in (self._snes, self._matrix, self._x, self._f):
+            petsc_object.destroy()
 
     def _enter(self, x: PETSc.Vec) -> None:
         """``u = x`` at free dofs, and the prescribed values at constrained dofs."""

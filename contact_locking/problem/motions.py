@@ -181,24 +181,24 @@ def axes_of(direction: FloatArray) -> str:
 class MotionsAtContact:
     """Rigid motions at the owned nodes of one contact on some parts of the body.
 
-    They are relative to the tool, or to the other body.  ``own`` marks the nodes among those of the
-    contact.
+    They are relative to the tool, or to the other body.  ``owned`` marks the nodes among those of
+    the contact.
     """
 
     def __init__(
         self, contact: NodalContact, motions: FloatArray, dofs: BoolArray, tools: Sequence[Travel]
     ) -> None:
-        self.contact, self.own = contact, contact.surface.is_of(dofs)
+        self.contact, self.owned = contact, contact.surface.is_of(dofs)
         surface, dim = contact.surface, contact.surface.domain.dim
         at_nodes = np.array([surface.of_motion(motion) for motion in motions])
-        of_body = at_nodes.reshape(len(motions), len(self.own), dim)[:, self.own]
+        of_body = at_nodes.reshape(len(motions), len(self.owned), dim)[:, self.owned]
         of_tools = np.zeros((len(tools), *of_body.shape[1:]))
         for number, tool in enumerate(tools):
             if tool.contact is contact:
                 of_tools[number] = -tool.direction
         self._motions = np.concatenate([of_body, of_tools])
         #: The normal components (k, f).
-        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self.own])
+        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self.owned])
 
     def gram(self) -> FloatArray:
         """The products (f, f) of the motions, summed over the nodes of this rank."""
@@ -223,29 +223,29 @@ class MotionsAtContact:
 
     def largest_coefficient(self) -> float:
         """The largest mu at the nodes of this rank, without slip; collective."""
-        mu = self.contact.friction.coefficient(np.zeros(len(self.own)))
-        return float(np.max(mu[self.own], initial=0.0))
+        mu = self.contact.friction.coefficient(np.zeros(len(self.owned)))
+        return float(np.max(mu[self.owned], initial=0.0))
 
     def resistance(self, motion: FloatArray) -> FloatArray:
         """The derivative (k, f) of ``c_nu + R* (mu |c_tau|)`` at a motion (f,); collective."""
         contact = self.contact
         if contact.friction.frictionless:
             return self.normals
-        mu = contact.friction.coefficient(np.zeros(len(self.own))) * contact.free
-        rubbed = np.zeros((len(motion), len(self.own)))
-        rubbed[:, self.own] = self._towards(motion)
+        mu = contact.friction.coefficient(np.zeros(len(self.owned))) * contact.free
+        rubbed = np.zeros((len(motion), len(self.owned)))
+        rubbed[:, self.owned] = self._towards(motion)
         taken = np.array([contact.friction.smoothing.adjoint(mu * row) for row in rubbed])
-        return np.asarray(self.normals + taken[:, self.own].T)
+        return np.asarray(self.normals + taken[:, self.owned].T)
 
     def rub(self, motion: FloatArray, bounds: BoundsInForce) -> FloatArray:
         """The derivative (f,) of ``int G |c_tau|`` at a motion c (f,), local."""
         work = self.contact.surface.weights * bounds[self.contact]
-        return self._towards(motion) @ work[self.own]
+        return self._towards(motion) @ work[self.owned]
 
     @cached_property
     def _along(self) -> FloatArray:
         """The tangential parts (f, k, d)."""
-        normals = self.contact.normals[self.own]
+        normals = self.contact.normals[self.owned]
         return self._motions - np.einsum("kf,kd->fkd", self.normals, normals)
 
     def _towards(self, motion: FloatArray) -> FloatArray:

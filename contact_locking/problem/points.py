@@ -114,8 +114,8 @@ class Points:
         data = value.data if isinstance(value, Value) else value
         if isinstance(data, InCells):
 
-            def of_part(given: Any, there: Points) -> Sampler:
-                return there.sampler(given, "", shape, check)
+            def of_part(data: Any, points: Points) -> Sampler:
+                return points.sampler(data, "", shape, check)
 
             return self.joined(data.parts, of_part, shape, data.elsewhere)
         key, inside = dotted(*filter(None, (self.root, name))), self.of(self.cells)
@@ -183,7 +183,7 @@ class Points:
         self,
         value: Any,
         name: str,
-        told: str = "the limit",
+        name_in_words: str = "the limit",
         sign: float = 1.0,
         over: FloatArray | float = 1.0,
     ) -> Sampler:
@@ -196,22 +196,22 @@ class Points:
             smallest = self.least(sign * values)
             if not smallest > 0.0:
                 raise InputError(
-                    f"{told} must be positive, so that the body without strain is inside of the "
-                    f"set; it reaches {smallest:g}",
+                    f"{name_in_words} must be positive, so that the body without strain is inside "
+                    f"of the set; it reaches {smallest:g}",
                     key,
                 )
             if smallest < SMALLEST:
-                message = f"{told} must be at least {SMALLEST:g}, it reaches {smallest:g}"
+                message = f"{name_in_words} must be at least {SMALLEST:g}, it reaches {smallest:g}"
                 raise InputError(message, key)
 
         read = self.sampler(value, name, check=check)
 
         def limits() -> FloatArray:
             with np.errstate(divide="ignore"):
-                found = np.asarray(sign * read() / over)
+                values = np.asarray(sign * read() / over)
             if np.ndim(over):
-                check(sign * found, f"{self.root}.{name}")
-            return found
+                check(sign * values, f"{self.root}.{name}")
+            return values
 
         return limits
 

@@ -34,8 +34,8 @@ class BodyForms:
         v, self._data = ufl.TestFunction(space), data
         self._w, self._forces = fem.Function(space), fem.Function(space)
         # One form for cells and one for facets, as in `JointForm`.
-        parts = [data.elasticity, *(item.form for item in data.springs)]
-        self._energies = [compiled.form(0.5 * part(self._w, self._w)) for part in parts]
+        parts = [data.elasticity, *(spring.form for spring in data.springs)]
+        self._energies = [compiled.form(0.5 * bilinear(self._w, self._w)) for bilinear in parts]
         self._elastic = JointForm(forms.elastic_form(self._w, v, data))
         self._external = JointForm(forms.external_work(v, data))
         self._comm = space.mesh.comm
@@ -190,7 +190,7 @@ class System:
     @property
     def rubbing(self) -> tuple[NodalContact, ...]:
         """The contacts with friction."""
-        return tuple(item for item in self.contacts if not item.friction.frictionless)
+        return tuple(contact for contact in self.contacts if not contact.friction.frictionless)
 
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, orthonormal, for algebraic multigrid; collective."""

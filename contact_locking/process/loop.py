@@ -158,7 +158,7 @@ class Process(Iterator[S]):
         self._solver, self._monitor = problem.solver, problem.solver.monitor
         steps = steps if isinstance(steps, Steps) else Steps(times=tuple(steps))
         self._timeline = Timeline(steps)
-        self._planned = self._timeline.left
+        self._planned = self._timeline.remaining
         self._stops = steps.on_failure == "stop"
         self._halved: tuple[Finding, ...] = ()
         self._is_unbalanced = False
@@ -265,7 +265,7 @@ class Process(Iterator[S]):
 
     def _solve_at(self, at: float, last: State | None) -> Outcome:
         """Solve at the present time; collective."""
-        self._monitor.step(len(self.history) + 1, self._timeline.left, at)
+        self._monitor.step(len(self.history) + 1, self._timeline.remaining, at)
         saved = None if last is None else last.saved
         is_near = self._timeline.refused is not None
         asks = not is_near and at == self._timeline.planned and self._solver.may_lock_up
@@ -376,8 +376,8 @@ class Timeline:
         return self._planned[0]
 
     @property
-    def left(self) -> int:
-        """The number of planned times that are left."""
+    def remaining(self) -> int:
+        """The number of planned times after those that are done."""
         return len(self._planned)
 
     def skip_to(self, time: float) -> None:

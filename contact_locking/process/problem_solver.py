@@ -366,7 +366,7 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         numbers = computed("contact", Contacts(domain, (fields,)))
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **numbers}
+        entry = {"name": contact.concept.name, **places, **numbers}
         for tool, size in zip(tools, tools.travels, strict=True):
             if tool.contact is fields.contact:
                 entry["tool"] = tool.summary(size)
@@ -375,8 +375,8 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         entries.append(entry)
     whole = computed("contact", Contacts(domain, state.contacts))
     if len(entries) > 1:
-        alone = tuple(item for item in state.contacts if not item.contact.against)
+        alone = tuple(fields for fields in state.contacts if not fields.contact.against)
         sums = computed("contact", Contacts(domain, alone))
-        resultants = [key for key, item in QUANTITIES.items() if item.is_resultant]
+        resultants = [key for key, quantity in QUANTITIES.items() if quantity.is_resultant]
         whole |= {key: sums[key] if alone else None for key in resultants}
     return whole | {"contacts": entries}

@@ -15,7 +15,7 @@ class Monitor:
     def message(self, text: str) -> None:
         """Show a text on a line of its own."""
 
-    def step(self, number: int, left: int, time: float) -> None:
+    def step(self, number: int, remaining: int, time: float) -> None:
         """Step ``number``, from 1, to a time begins; ``left`` planned ones are to do, with it."""
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:

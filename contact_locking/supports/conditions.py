@@ -175,17 +175,17 @@ class Constraints:
         domain: Domain,
         space: fem.FunctionSpace,
         held: Sequence[Support | Displacement],
-        given: Sequence[fem.DirichletBC],
+        bcs: Sequence[fem.DirichletBC],
         clock: Clock,
     ) -> None:
-        self.domain, self.space, self.given = domain, space, tuple(given)
-        placed = [found for item in held for found in place(domain, space, item, clock)]
-        self.components = tuple(item for item in placed if item.component is not None)
-        self.oblique = tuple(item for item in placed if item.component is None)
-        self._is_timed = bool(given) or any(item.present.value.is_timed for item in placed)
+        self.domain, self.space, self.bcs = domain, space, tuple(bcs)
+        placed = [each for condition in held for each in place(domain, space, condition, clock)]
+        self.components = tuple(each for each in placed if each.component is not None)
+        self.oblique = tuple(each for each in placed if each.component is None)
+        self._is_timed = bool(bcs) or any(each.present.value.is_timed for each in placed)
         empty, dim = np.empty(0, dtype=np.int32), domain.dim
         self._prescribed: list[PlacedSupport | _OnAxes] = [*self.oblique, *self.components]
-        for number, condition in enumerate(given):
+        for number, condition in enumerate(bcs):
             dofs = np.asarray(condition.dof_indices()[0], dtype=np.int32)
             read = partial(self._read, condition, dofs)
             self._prescribed.append(_OnAxes(f"bcs.{number}", dofs, read, dim))
@@ -193,15 +193,15 @@ class Constraints:
             dofs = axis_dofs(domain, space)
             zero = np.zeros_like(dofs, dtype=float).copy
             self._prescribed.append(_OnAxes("", dofs, zero, dim))
-        fixed = [empty, *(item.dofs for item in self._prescribed if item.dofs is not None)]
+        fixed = [empty, *(each.dofs for each in self._prescribed if each.dofs is not None)]
         self.dofs: IndexArray = np.unique(np.concatenate(fixed)).astype(np.int32)
         self._values = fem.Function(space)
-        nodes = np.unique(np.concatenate([empty, *(item.nodes for item in self.oblique)]))
+        nodes = np.unique(np.concatenate([empty, *(condition.nodes for condition in self.oblique)]))
         # Every row of a node is the direction of one support or of one component condition.
         count, axes = len(self.oblique), np.arange(dim)
         self._rows = np.zeros((len(nodes), count + dim, dim))
-        for number, item in enumerate(self.oblique):
-            self._rows[np.searchsorted(nodes, item.nodes), number] = item.directions
+        for number, condition in enumerate(self.oblique):
+            self._rows[np.searchsorted(nodes, condition.nodes), number] = condition.directions
         self._rows[:, count + axes, axes] = self._mask.reshape(-1, dim)[nodes] == 0.0
         agree(domain.comm, lambda: self._refuse_close(nodes))
         projections, self._inverse = pseudo_inverse(self._rows)

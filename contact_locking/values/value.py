@@ -174,7 +174,7 @@ class Value:
         points: FloatArray,
         time: float = 0.0,
         shape: tuple[int, ...] = (),
-        **more: FloatArray,
+        **variables: FloatArray,
     ) -> FloatArray:
         """The values (k, ...) of a shape at points (d, k) and a time.
 
@@ -183,7 +183,7 @@ class Value:
         """
         values: Any = self.number
         if values is None and self.expression is not None:
-            values = self.expression.numpy(**_variables(points, time), **more)
+            values = self.expression.numpy(**_variables(points, time), **variables)
         elif values is None:
             # A constant of DOLFINx can be called as well.
             is_constant = hasattr(self.data, "value")
@@ -196,14 +196,14 @@ class Value:
         points: FloatArray,
         time: float = 0.0,
         tables: Mapping[Lookup, FloatArray] | None = None,
-        **more: Any,
+        **variables: Any,
     ) -> FloatArray:
         """The values (k,) of an expression at points (d, k), infinite or NaN where it has none.
 
         ``tables`` has values (k,) that stand in for those of tables.
         """
         assert self.expression is not None
-        values = self.expression.unchecked(tables, **_variables(points, time), **more)
+        values = self.expression.unchecked(tables, **_variables(points, time), **variables)
         return np.broadcast_to(values, points.shape[1:])
 
     def with_gradient(self, points: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
