@@ -156,8 +156,8 @@ def not_written(
 ) -> ContactLockingError:
     """The error with the message ``what``, the reason of the system, and the file or ``place``.
 
-    A full disk gives NoRoom and not InputError, because the input is right; ``more`` then replaces
-    the advice to make room.
+    A full disk gives NoRoom and not InputError, because the input is right; ``advice`` is then what
+    to do, in place of making room.
     """
     message = f"{what}: {error.strerror or error} ({error.filename or place})"
     if is_full(error):
@@ -179,7 +179,7 @@ def explained(
 
 
 def require_kind(value: object, kind: type[Any] | UnionType, description: str, key: str) -> None:
-    """Raise InputError for a ``value`` of another kind than the one in words, ``wanted``."""
+    """Raise InputError unless ``value`` is of a kind, whose ``description`` is in words."""
     if not isinstance(value, kind):
         raise InputError(f"must be {description}, not {type(value).__name__}", key)
 

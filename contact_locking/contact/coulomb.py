@@ -1,4 +1,4 @@
-"""Coulomb friction: its law, the bound of the traction on the mesh, and R, which smooths stresses.
+"""Coulomb friction: its law, the friction bound on the mesh, and R, which smooths normal stresses.
 
 The friction bound ``G = mu(s) |R sigma_nu|`` depends on the solution; ``s`` is ``|u_tau|`` in the
 static problem, and the accumulated slip in a process.  For a known bound the functional of friction
@@ -65,7 +65,7 @@ _POSITIVE = 1e-12
 
 
 class Smoothing:
-    """A linear map of the nodal values on Gamma_C, symmetric unless a subclass says otherwise.
+    """R, a linear map of nodal values (k,) on Gamma_C; symmetric unless a subclass says otherwise.
 
     ``keeps_constants`` says that R of 1 is 1 at the free nodes; otherwise it is at most 1.
     """
@@ -313,7 +313,7 @@ class FrictionBound:
 
     @property
     def depends_on_slip(self) -> bool:
-        """Whether mu may depend on the slip: the law alone says that it does not."""
+        """Whether mu may depend on the slip; it does not if the law says so by ``lipschitz`` 0."""
         return self.law.lipschitz != 0.0
 
     @property

@@ -1,4 +1,4 @@
-"""One side of an interface between bodies as Gamma_C, and the other side that it faces.
+"""Side 1 of an interface between bodies as Gamma_C, and side 2 that it faces.
 
 :func:`distances_apart` says how far two bodies that touch are from touching, by the geometry of
 their displaced facets alone.  The distance of a point x of one side to the facets of the other is
@@ -37,23 +37,23 @@ from contact_locking.mesh.data import unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.supports.conditions import Constraints
 
-# The facets whose middles are so many nearest to a point may have the nearest point.
+# The nearest point of a side is looked for in the facets with this many nearest middles.
 _NEAREST = 8
-# The same where the points' own body has facets in the side as well.
+# The same where the body of the point has facets in the side as well.
 _NEAREST_OF_ALL = 32
-# Each edge of a facet is divided into so many parts.
+# The parts of each edge of a facet in the lattice.
 _DIVISIONS = 4
-# A point faces a facet if its way there is along the normal of the facet, to this cosine.
+# A point faces a facet if the line to it is along the normal of the facet, up to this cosine.
 _ALONG = 0.99
 
 
 def distances_apart(
     presses: BoolArray, first: Side, second: Side, offset: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The distances (q,) that should not be, and the normals (q, d) of the facets there.
+    """The distances (q,) by which sides miss each other, and the normals (q, d) of facets there.
 
-    ``presses`` (k,) marks the nodes of side 1 that press, and the sides are displaced.  ``offset``
-    is the gap that adds to their distance.
+    The sides are displaced, and ``presses`` (k,) marks the nodes of side 1 that press.  ``offset``
+    is the gap that adds to the distance of the sides.
     """
     of_node = np.zeros(len(first.points), dtype=np.int64)
     of_node[first.facets] = np.arange(len(first.facets))[:, None]
@@ -65,10 +65,10 @@ def distances_apart(
     for side, facing in ((first, second), (second, first)):
         points, facet = _lattice(side)
         distance, sagitta, nearest = _distances_to(points, side, facet, facing)
-        sagitta_here = np.where(
+        own_sagitta = np.where(
             bears[facet if side is first else nearest], _sagittae(side)[facet], 0.0
         )
-        lengths.append(-(distance + offset) - sagitta - sagitta_here)
+        lengths.append(-(distance + offset) - sagitta - own_sagitta)
         normals.append(facing.outward[nearest])
     return np.concatenate(lengths), np.concatenate(normals)
 
@@ -208,7 +208,7 @@ class PairedSurface(ContactSurface):
         self._whole = self.weights
         frame = self.frame_at(None)
         self.operator = ContactOperator(space, frame.rows, couples_cells=True)
-        self.take(frame)
+        self.set_frame(frame)
 
     def sides_at(self, displacement: FloatArray | None) -> tuple[Side, Side]:
         """Both sides at a displacement (local values), None for rest; collective."""
@@ -240,7 +240,7 @@ class PairedSurface(ContactSurface):
             np.where(faces, pairing.weights[mine] / self._whole, 1.0),
         )
 
-    def take(self, frame: Frame) -> None:
+    def set_frame(self, frame: Frame) -> None:
         self.frame, self.weights = frame, frame.weights
         self.body_normals = frame.normals
         self.operator.join(frame.rows)

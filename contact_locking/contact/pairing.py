@@ -1,4 +1,4 @@
-"""Which points of one side face which points of another, by their geometry alone.
+"""Which points of side 1 face which points of side 2, from their geometry alone.
 
 The jump of a field u at the node i of side 1 is
 

@@ -271,7 +271,7 @@ class Expression:
     ) -> npt.NDArray[np.float64]:
         """The values of :meth:`numpy`, infinite or NaN where the expression has none.
 
-        ``given`` are values to take in place of those of some tables.
+        ``known`` are values to take in place of those of some tables.
         """
         known = known or {}
         arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}

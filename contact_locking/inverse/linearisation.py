@@ -165,7 +165,7 @@ class Linearisation:
         return self._moved(self.equations.residual(), reactions)
 
     def _moved(self, residual: Residual, reactions: Sequence[Reaction]) -> Change:
-        """The change by a residual, with the reactions ``rest`` if nothing moves."""
+        """The change by a residual, with the ``reactions`` if nothing moves."""
         solution = self._solve(-residual.free, reactions)
         steps = self._steps(solution)
         moved = [

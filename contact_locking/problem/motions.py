@@ -113,8 +113,8 @@ def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArra
     total = comm.allreduce(np.append(held_at.sum(axis=0), len(held_at)))
     centre = total[:3] / max(total[3], 1.0)
     motions = rigid_motions(space, centre=centre)
-    asked = [held_part(motion)[nodes].reshape(-1) for motion in (*motions, values)]
-    local = np.linalg.qr(np.column_stack(asked), mode="r")
+    rows = [held_part(motion)[nodes].reshape(-1) for motion in (*motions, values)]
+    local = np.linalg.qr(np.column_stack(rows), mode="r")
     *columns, aim = np.vstack(comm.allgather(local)).T
     # The least of the motions that fit turns with the body: rotations count by their displacements.
     local_square = float(np.sum((held_at - centre) ** 2))
@@ -130,8 +130,8 @@ def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArra
 def spin(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The velocity of the origin (3,) and the spin (3,) of a rigid motion.
 
-    ``motion`` are the coefficients of :func:`rigid_motions`:
-    translations, then the rotations in the planes of the axes (x, y), (x, z) and (y, z).
+    ``motion`` are coefficients of :func:`rigid_motions`: translations, then rotations in the planes
+    (x, y), (x, z) and (y, z).
     """
     if len(motion) == 1:
         return np.array([0.0, motion[0], 0.0]), np.zeros(3)
@@ -311,7 +311,7 @@ def _size_of(values: FloatArray) -> float:
 def _best(
     aim: FloatArray, rows: FloatArray, room: float = 0.0, bounds: Sequence[Any] = (-1, 1)
 ) -> tuple[FloatArray, float] | None:
-    """The c with ``rows c <= room`` and the largest ``aim . c``, and this number; None without."""
+    """The c with ``rows c <= room`` and the largest ``aim . c``, and this number; else None."""
     # Few bodies have free motions, and the import takes a tenth of a second.
     from scipy.optimize import linprog
 
@@ -357,8 +357,8 @@ def unheld_motion(
     """A motion c (f,) with ``r(c) <= 0`` at all nodes and ``work . c > 0``; None if none is found.
 
     ``r(c) = normals c + s(c) >= normals c`` is convex and homogeneous of degree 1; ``resistance``
-    gives the rows (n, f) that are its derivative, with which ``rows c = r(c)``.  Each motion is
-    the best for the derivatives at those before, which are lower bounds of r.
+    gives the rows (n, f) that are its derivative, with which ``rows c = r(c)``.  By cutting planes:
+    each motion is the best for the derivatives at the earlier ones, which are lower bounds of r.
     """
     size = _size_of(normals)
     rows, push = _scaled(normals), _scaled(work)
@@ -379,9 +379,9 @@ def driven_motion(
 ) -> FloatArray:
     """The motion c (f,) with ``normals c <= 0`` and the largest ``work . c - s(c)``, in a unit box.
 
-    Sought is among the motions ``some`` (f, m).  ``s(c) = int G |c_tau|`` is convex and
-    homogeneous; ``rub`` gives its derivative (f,) at a motion, with which ``rub(c) . c = s(c)``.
-    Each motion is the best for the derivatives at those before, which are lower bounds of s.
+    The search is among the combinations of the motions ``some`` (f, m).  ``s(c) = int G |c_tau|``
+    is convex and homogeneous; ``rub`` gives its derivative (f,) at a motion: ``rub(c) . c = s(c)``.
+    Each motion is the best for the derivatives at the earlier ones, lower bounds of s.
     """
     push = some.T @ work
     size, count = _size_of(push), some.shape[1]
@@ -394,7 +394,7 @@ def driven_motion(
         rows = np.vstack([leaving, *(np.append(cut, -1.0) for cut in cuts)])
         result = _best(np.append(push / size, -1.0), rows, bounds=[(-1, 1)] * count + [(0, None)])
         if result is None:
-            # Friction beside which the push is rounding.
+            # The push is rounding compared with friction.
             break
         motion, above = result[0][:count], result[1]
         cuts.append(np.asarray(some.T @ rub(some @ motion) / size))

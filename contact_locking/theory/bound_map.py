@@ -102,7 +102,7 @@ class BoundVectors:
 class BoundMap:
     """``G -> Phi(G)``: a Tresca problem for each value, and back-substitutions for the derivative.
 
-    A bound that is negative counts as zero.  ``found`` is the solution of the last value, and
+    A bound that is negative counts as zero.  ``outcome`` is the solution of the last value, and
     ``last`` an iterate near the first, if one is known.  The constructor and all methods are
     collective.
     """
@@ -110,7 +110,7 @@ class BoundMap:
     def __init__(self, task: Task, last: SavedState | None = None) -> None:
         self._task, self.vectors = task, BoundVectors(task.system)
         self._solver = InteriorPoint(task, bound_moves=False)
-        self.found = Outcome(last=last)
+        self.outcome = Outcome(last=last)
         self._inside = np.ones(self.vectors.size, dtype=bool)
 
     def __call__(self, bounds: FloatArray) -> FloatArray:
@@ -122,7 +122,7 @@ class BoundMap:
         system.u.x.array[:] = 0.0
         system.constraints.apply(system.u)
         # Along a branch the solution before is near.
-        self.found = self._solver.solve(self.found.last)
+        self.outcome = self._solver.solve(self.outcome.last)
         pairs = zip(self.vectors.contacts, self._pressures(), strict=True)
         return self.vectors.gather([contact.friction_bound(system.u, p) for contact, p in pairs])
 
@@ -131,8 +131,8 @@ class BoundMap:
         return self.vectors.gather(self._pressures())
 
     def _pressures(self) -> list[FloatArray]:
-        assert self.found.multipliers is not None
-        pairs = zip(self._task.system.contacts, self.found.multipliers.contacts, strict=True)
+        assert self.outcome.multipliers is not None
+        pairs = zip(self._task.system.contacts, self.outcome.multipliers.contacts, strict=True)
         return [forces.pressure for contact, forces in pairs if contact in self.vectors.contacts]
 
     def derivative(self) -> FloatArray:
@@ -297,7 +297,7 @@ class OverShare:
     """
 
     def __init__(self, problem: BoundMap, put: Callable[[float], None] | None = None) -> None:
-        self.problem, self.vectors, self._put = problem, problem.vectors, put
+        self.problem, self.vectors, self._set_share = problem, problem.vectors, put
         self._bounds = self._image = np.zeros(problem.vectors.size)
         self._share = 0.0
 
@@ -305,19 +305,19 @@ class OverShare:
         """``Psi(G, s)`` (m,); raises NotConverged where Tresca's problem is not solved."""
         self._bounds, self._share = bounds, share
         self._image = self._at(share)
-        return share * self._image if self._put is None else self._image
+        return share * self._image if self._set_share is None else self._image
 
     def slopes(self) -> tuple[FloatArray, FloatArray]:
         """The derivatives of Psi by G (m, m) and by s (m,) at the last value; collective."""
         by_bounds = self.problem.derivative()
-        if self._put is None:
+        if self._set_share is None:
             return self._share * by_bounds, self._image
         beside = self._at(self._share + _WIDTH)
         return by_bounds, np.asarray((beside - self._image) / _WIDTH)
 
     def _at(self, share: float) -> FloatArray:
-        if self._put is not None:
-            self._put(share)
+        if self._set_share is not None:
+            self._set_share(share)
         return self.problem(self._bounds)
 
 

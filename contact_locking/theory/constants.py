@@ -169,7 +169,7 @@ def _lift_constant(
 def constants(state: SolvedState, is_asked: bool) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
-    c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
+    c_0 takes an eigenproblem, as long as one or two elastic solves; None unless ``is_asked``.
     """
     numbers: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     bounds = [contact.friction for contact in state.problem.contacts]
@@ -241,7 +241,7 @@ def _uniqueness(state: SolvedState, numbers: dict[str, Any], is_asked: bool) -> 
     the condition of Theorem 4.2 with an explicit constant (docs/notes/bounds.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
-    and as certain as these numbers, which ``found`` has.
+    and as certain as these numbers, which ``numbers`` has.
     """
     report: dict[str, Any] = {"verdict": UNKNOWN, "kappa": None}
     try:

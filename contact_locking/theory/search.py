@@ -125,7 +125,7 @@ class Equilibria:
         return None
 
     def _settle(self) -> Outcome:
-        return settled_from(self._task.aside(self.counts), self.map.found)
+        return settled_from(self._task.aside(self.counts), self.map.outcome)
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
         """Solutions beside a known one: those on branches, then those that deflation finds.
@@ -192,7 +192,7 @@ class Equilibria:
         change = norm(image - bounds) / (norm(image) or 1.0)
         if change > self._newton.tolerance:
             return self._settle()
-        return replace(self.map.found, friction_change=change)
+        return replace(self.map.outcome, friction_change=change)
 
     def destroy(self) -> None:
         """Free the PETSc objects, and count for the task what was taken."""

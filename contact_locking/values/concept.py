@@ -211,7 +211,7 @@ class Concept(_Model):
 def entry(default: Any, description: str, unit: str = "", **options: Any) -> Any:
     """A key with its default (``...`` for a required key), description and unit.
 
-    ``more`` goes to pydantic.
+    ``options`` go to pydantic.
     """
     extra: JsonDict = {"unit": unit}
     if isinstance(default, Value):

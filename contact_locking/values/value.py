@@ -178,7 +178,7 @@ class Value:
     ) -> FloatArray:
         """The values (k, ...) of a shape at points (d, k) and a time.
 
-        ``more`` are the values (k,) of further variables.  Raises InputError for a value of an
+        ``variables`` are the values (k,) of further variables.  Raises InputError for a value of an
         expression that is not finite.
         """
         values: Any = self.number

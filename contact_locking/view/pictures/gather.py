@@ -180,7 +180,7 @@ def outline(tool: Distance | None, travel: FloatArray, domain: Domain) -> FloatA
         return nothing
     if isinstance(body, FacetedFoundation):
         corners: FloatArray = body.facets.reshape(-1, dim).T
-        corners = tool.motion.place(corners) if isinstance(tool, MovedDistance) else corners
+        corners = tool.motion.moved(corners) if isinstance(tool, MovedDistance) else corners
         return corners.T.reshape(body.facets.shape) + travel
     margin = _BESIDE * float(np.ptp(domain.bounding_box, axis=0).max())
     low, high = domain.bounding_box + np.array([[-margin], [margin]])
