@@ -84,11 +84,7 @@ BUDGETS = {
 # The lines that `contact_locking.ContactProblem` loads.
 MOST_OF_A_PROBLEM = 13_550
 # The core has its mesh builders beside it, in meshes/.
-<<<<<<< HEAD
-MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 33_790, 9_260, 31_870
-=======
-MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 33_810, 9_260, 31_890
->>>>>>> main
+MOST_IN_THE_CORE, MOST_IN_WINGS, MOST_IN_TESTS = 33_780, 9_260, 31_870
 
 
 def module(path: Path) -> str:
