@@ -46,13 +46,7 @@ class Disk:
         """
         start = f"import sys\nfrom contact_locking.command import cli\n{textwrap.dedent(script)}\n"
         program = [sys.executable, "-c", f"{start}sys.exit(cli.main(sys.argv[1:]))"]
-        place = [
-            sys.executable,
-            str(HOLDER),
-            size,
-            str(self.path),
-            str(self.kept),
-        ]
+        place = [sys.executable, str(HOLDER), size, str(self.path), str(self.kept)]
         done = subprocess.run(
             [*place, *program, *words], capture_output=True, text=True, timeout=120
         )
