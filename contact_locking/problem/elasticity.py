@@ -296,8 +296,8 @@ def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
         v, u = a.arguments()
     except (ArityMismatch, ValueError):
         raise InputError(
-            "must be bilinear: linear in the trial function and in the test function; the energy "
-            "of a nonlinear law is an argument of its own, energy",
+            "must be bilinear: linear in the trial function and in the test function; give the "
+            "energy of a nonlinear law as the argument energy",
             "a",
         ) from None
     eye = ufl.Identity(u.ufl_shape[0])
@@ -316,8 +316,8 @@ def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
             v,
         }:
             raise InputError(
-                "has strains and the displacement itself in one integral; give each an integral "
-                "of its own, as inner(sigma(u), eps(v))*dx + k*inner(u, v)*dx",
+                "has strains and the displacement itself in one integral; separate them, as in "
+                "inner(sigma(u), eps(v))*dx + k*inner(u, v)*dx",
                 "a",
             )
     return ufl.Form(of_stress), ufl.Form(others) if others else None

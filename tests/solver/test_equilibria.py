@@ -112,7 +112,7 @@ def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     )
     solver = _solver(data)
     assert not has_map(Task(solver.system, solver.target, solver.settings))
-    with pytest.raises(InputError, match="more than friction holds"):
+    with pytest.raises(InputError, match="friction alone"):
         next(equilibria(solver.task, solver.solve(), 2))
     solver.close()
 
