@@ -53,8 +53,7 @@ class Disk:
         if done.returncode == NOT_ALLOWED:
             pytest.skip(done.stderr.strip())
         assert "Traceback" not in done.stderr and done.stderr.count("error: ") <= 1, done.stderr
-        left = [path for path in self.kept.rglob(".*") if path.name != ".lock"]
-        assert left == []
+        assert not [path for path in self.kept.rglob(".*") if path.name != ".lock"]
         return done
 
     def solve(self, size: str, *words: str, script: str = "") -> subprocess.CompletedProcess[str]:
