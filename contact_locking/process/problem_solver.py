@@ -37,7 +37,7 @@ from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import Outcome, SavedState, Target, Task
 
 # The most solves with bodies paired anew; usually the pairing stays after one to three.
-_MOST_FRAMES = 8
+_MOST_PAIRINGS = 8
 _APART = "with the bodies paired as at the previous solution, nothing is admissible"
 
 
@@ -110,7 +110,7 @@ class ProblemSolver:
         if self._method == "penalty":
             return penalty_method.solve(task(), saved)
         report = solve_system(task(), saved)
-        for _ in range(_MOST_FRAMES):
+        for _ in range(_MOST_PAIRINGS):
             start = self._next_start(report) if report.converged else None
             if start is None:
                 break
@@ -120,7 +120,7 @@ class ProblemSolver:
                 reason = f"{_APART}: {report.reason}"
                 report = dataclasses.replace(report, failure=NotConverged.code, reason=reason)
         else:
-            unsettled = Finding("contact.unsettled", solves=_MOST_FRAMES)
+            unsettled = Finding("contact.unsettled", solves=_MOST_PAIRINGS)
             report = dataclasses.replace(report, warnings=[*report.warnings, unsettled])
         return report
 
@@ -235,7 +235,7 @@ _ENTRY_ADVICE = (
     "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or use a rounder "
     "foundation."
 )
-_COMPLAINTS_ADVICE = (
+_CRITERION_ADVICE = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
 
@@ -275,7 +275,7 @@ def solution_of(
             enters = ENTRY in broken
             failure = f"certificate.{ENTRY if enters else [*broken, 'proofs'][0]}"
             reason = certificate.complaint
-            suggestion = _ENTRY_ADVICE if enters else _COMPLAINTS_ADVICE
+            suggestion = _ENTRY_ADVICE if enters else _CRITERION_ADVICE
     return Solution(
         domain=problem.domain,
         element=problem.element,
