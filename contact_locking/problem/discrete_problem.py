@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from contact_locking.contact.nodal_contact import (
 )
 from contact_locking.contact.surface import PRESCRIBED
 from contact_locking.contact.travel import Travel
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, with_key
 from contact_locking.fem import compiled
 from contact_locking.fem.fields import Clock, Entities, features
 from contact_locking.fem.spaces import Element
@@ -223,6 +224,16 @@ class DiscreteProblem:
     def findings(self) -> list[Finding]:
         """The findings about the data, with those about loads at later times."""
         return list(dict.fromkeys([*self._findings, *_loads(self)]))
+
+    def require_times(self, times: Sequence[float]) -> None:
+        """Raise InputError for a table over the time that ends before a process does."""
+        body, place = self.body, self.domain.bounding_box.mean(axis=0)[:, None]
+        placed = [Placed(item, item.key) for item in (*body.held, *body.loads, *body.springs)]
+        placed += [Placed(item.given, item.key) for item in self.contacts]
+        for data in (*body.elasticity, *body.limits, *body.eigenstrains, *placed):
+            inside = expressions(data.given) if isinstance(data.given, Concept) else ()
+            for inner, value, _ in inside:
+                with_key(data.key_of(*inner), partial(value.require_times, place, times))
 
     def set_memory(self, states: Sequence[ContactState]) -> None:
         """Begin a step with what friction remembers at each contact; collective."""

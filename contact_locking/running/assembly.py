@@ -54,6 +54,7 @@ class StudyProblem(DiscreteProblem):
         body.require_free(contacts)
         super().__init__(body, contacts, parameters.penalty, clock)
         self.rigidity.require_held()
+        self.require_times(clock.planned)
 
     def advance(self, time: float) -> None:
         """Put the data that depend on the time to a time; collective.
