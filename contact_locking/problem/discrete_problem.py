@@ -229,7 +229,7 @@ class DiscreteProblem:
         """Raise InputError for a table over the time that ends before a process does."""
         body, place = self.body, self.domain.bounding_box.mean(axis=0)[:, None]
         placed = [Placed(item, item.key) for item in (*body.held, *body.loads, *body.springs)]
-        placed += [Placed(item.given, item.key) for item in self.contacts]
+        placed += [Placed(item.concept, item.key) for item in self.contacts]
         for data in (*body.elasticity, *body.limits, *body.eigenstrains, *placed):
             inside = expressions(data.given) if isinstance(data.given, Concept) else ()
             for inner, value, _ in inside:
@@ -359,11 +359,11 @@ def _features_on_facets(problem: DiscreteProblem) -> Iterator[Finding]:
             key, times = dotted(held.key, *place), problem.clock.some_times
             yield from features(facets(held.on), value, key, _ADVICE_ON_FACETS, times=times)
     for contact in problem.contacts:
-        friction = contact.given.friction
+        friction = contact.concept.friction
         mu = None if friction is None else friction.coefficient
         if mu is None or mu.expression is None:
             continue
-        key = contact.given.friction_key("coefficient")
+        key = contact.concept.friction_key("coefficient")
         # mu may change near s = 0; a slip as long as the body stands for an infinite one.
         slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
         for slip in slips if "s" in mu.expression.names else slips[:1]:

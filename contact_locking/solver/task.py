@@ -246,7 +246,7 @@ class Task:
         return dataclasses.replace(self, settings=settings)
 
     def aside(self, counts: Counts, target: Target | None = None) -> Task:
-        """The same task without progress messages, with separate counts."""
+        """The same task, or one with another target, without messages and with these counts."""
         return dataclasses.replace(
             self, target=target or self.target, monitor=Monitor(), counts=counts
         )
