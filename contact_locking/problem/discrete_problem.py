@@ -231,7 +231,7 @@ class DiscreteProblem:
         placed = [Placed(item, item.key) for item in (*body.held, *body.loads, *body.springs)]
         placed += [Placed(item.concept, item.key) for item in self.contacts]
         for data in (*body.elasticity, *body.limits, *body.eigenstrains, *placed):
-            inside = expressions(data.given) if isinstance(data.given, Concept) else ()
+            inside = expressions(data.content) if isinstance(data.content, Concept) else ()
             for inner, value, _ in inside:
                 with_key(data.key_of(*inner), partial(value.require_times, place, times))
 
@@ -341,7 +341,7 @@ def _features_in_cells(problem: DiscreteProblem) -> Iterator[Finding]:
     ):
         for data in items:
             cells = every if data.cells is None else data.cells
-            inside = expressions(data.given) if isinstance(data.given, Concept) else ()
+            inside = expressions(data.content) if isinstance(data.content, Concept) else ()
             for place, value, _ in inside:
                 entities = Entities.of(domain, domain.dim, cells)
                 yield from features(entities, value, data.key_of(*place), advice, relative, times)
