@@ -46,21 +46,14 @@ class Disk:
         """
         start = f"import sys\nfrom contact_locking.command import cli\n{textwrap.dedent(script)}\n"
         program = [sys.executable, "-c", f"{start}sys.exit(cli.main(sys.argv[1:]))"]
-        place = [
-            sys.executable,
-            str(HOLDER),
-            size,
-            str(self.path),
-            str(self.kept),
-        ]
+        place = [sys.executable, str(HOLDER), size, str(self.path), str(self.kept)]
         done = subprocess.run(
             [*place, *program, *words], capture_output=True, text=True, timeout=120
         )
         if done.returncode == NOT_ALLOWED:
             pytest.skip(done.stderr.strip())
         assert "Traceback" not in done.stderr and done.stderr.count("error: ") <= 1, done.stderr
-        left = [path for path in self.kept.rglob(".*") if path.name != ".lock"]
-        assert left == []
+        assert not [path for path in self.kept.rglob(".*") if path.name != ".lock"]
         return done
 
     def solve(self, size: str, *words: str, script: str = "") -> subprocess.CompletedProcess[str]:
