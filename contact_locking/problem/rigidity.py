@@ -271,7 +271,7 @@ class Rigidity:
         """How each part is held, whatever the loads, by these conditions among others."""
         domain, data, held = self._domain, self._data, {}
         by: dict[str, list[str]] = {
-            name: [on for item in conditions if isinstance(item, kind) for on in item.on]
+            name: [part for each in conditions if isinstance(each, kind) for part in each.on]
             for name, kind in (("displacements", Displacement), ("supports", Support))
         }
         by["springs"] = [spring.on for spring in data.springs if isinstance(spring, Springs)]

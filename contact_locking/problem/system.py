@@ -63,13 +63,13 @@ class BodyForms:
         forces, data = self.elastic_forces(w), self._data
         if data.own_energy is None:
             return forces
-        own = self._kept("J'", lambda: JointForm(forms.own_forces(self._w, self._v, data)))
-        return forces + self._nodal(own)
+        derivative = self._kept("J'", lambda: JointForm(forms.own_forces(self._w, self._v, data)))
+        return forces + self._nodal(derivative)
 
     def own_energy(self, w: fem.Function) -> float:
         """``J(w)``, 0 unless the user gives an energy; NaN where J is not defined."""
-        own = self._data.own_energy
-        return 0.0 if own is None else self._integral("J", w, own)
+        energy = self._data.own_energy
+        return 0.0 if energy is None else self._integral("J", w, energy)
 
     def loads(self) -> FloatArray:
         """``(f, .)`` at the present time."""
