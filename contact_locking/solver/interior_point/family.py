@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from mpi4py import MPI
@@ -143,20 +144,8 @@ class Family(PointCones):
         )
 
 
-@dataclass(frozen=True)
-class Reaction:
-    """Reactions of a family on the body, in the shape of its ``seen``."""
-
-    family: Family
-    values: FloatArray
-
-    @classmethod
-    def of(cls, families: Iterable[Family]) -> list[Reaction]:
-        return [cls(family, family.reactions) for family in families]
-
-    def add_to(self, forces: PETSc.Vec) -> None:
-        """Add the forces; collective."""
-        self.family.add_forces(self.values, forces)
+#: The reactions of families on the body, in the shapes of what they see.
+Reactions: TypeAlias = Mapping[Family, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -165,11 +154,11 @@ class Direction:
 
     displacement: FloatArray
     step: Step
-    cones: Composite
+    cones: Composite[Family]
 
     def of(self, family: Family) -> Step:
         """The step of one family."""
-        return self.cones.steps(self.step)[self.cones.cones.index(family)]
+        return self.cones.steps(self.step)[family]
 
     def plus(self, other: Direction, share: float) -> Direction:
         """The direction plus ``share`` times the other."""
