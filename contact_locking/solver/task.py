@@ -240,11 +240,6 @@ class Task:
     is_unbalanced: Callable[[], bool] = lambda: False
     searches: bool = True
 
-    def with_settings(self, **changes: Any) -> Task:
-        """The task with some settings changed."""
-        settings = self.settings.model_copy(update=changes)
-        return dataclasses.replace(self, settings=settings)
-
     def aside(self, counts: Counts, target: Target | None = None) -> Task:
         """The same task without progress messages, with separate counts."""
         return dataclasses.replace(
