@@ -211,7 +211,7 @@ def _run_command(arguments: argparse.Namespace, program: bool = False) -> int:
 
 def _interrupted(interrupt: KeyboardInterrupt, arguments: argparse.Namespace) -> int:
     said = str(interrupt) or "interrupted"
-    if remains := getattr(arguments, "left", lambda: "")():
+    if remains := getattr(arguments, "remains", lambda: "")():
         said += f"\n{remains}"
     return terminal.abort(terminal.exit_code(interrupt), said)
 

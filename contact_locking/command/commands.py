@@ -73,7 +73,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     parameters, directory = study.parameters, study.parameters.output.directory
     #: The remains of an interrupted run, in words.
-    arguments.left = lambda: _left_of_run(arguments, parameters)
+    arguments.remains = lambda: _remains_of_run(arguments, parameters)
     options = (arguments.petsc, arguments.restart, arguments.checkpoint)
     with _solving(arguments, study, comm) as (monitor, speaks):
         if speaks and parameters.study is not None:
@@ -117,7 +117,7 @@ def fit(arguments: argparse.Namespace) -> int:
     from contact_locking.inverse import fitting
 
     directory = file.parameters.output.directory
-    arguments.left = lambda: (
+    arguments.remains = lambda: (
         f"the evaluations so far are in {directory}; the same command goes on from there"
     )
     with _solving(arguments, file, comm) as (monitor, speaks):
@@ -250,7 +250,7 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-COMMANDS = {one.__name__: one for one in (new, run, study, fit, serve, report, check, mesh, schema)}
+COMMANDS = {f.__name__: f for f in (new, run, study, fit, serve, report, check, mesh, schema)}
 
 
 def _overrides(arguments: argparse.Namespace) -> list[str]:
@@ -261,7 +261,7 @@ def _overrides(arguments: argparse.Namespace) -> list[str]:
     return [*arguments.set, f"output.directory={folder}"]
 
 
-def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
+def _remains_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
     """Which steps of an interrupted run are saved, and how to go on; not collective."""
     from contact_locking import study_file
     from contact_locking.process.checkpoint import SavedSteps

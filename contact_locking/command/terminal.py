@@ -251,9 +251,9 @@ class TerminalMonitor(Monitor):
         self.finish()
         self._line(text)
 
-    def step(self, number: int, left: int, time: float) -> None:
+    def step(self, number: int, remaining: int, time: float) -> None:
         self.finish()
-        self._step = f"step {number}  t = {time:.6g}  ({left} to do)  "
+        self._step = f"step {number}  t = {time:.6g}  ({remaining} to do)  "
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self.finish()

@@ -1,6 +1,6 @@
 """The data of a contact: place, rigid foundation or other body, and friction with its smoothing R.
 
-A study file is read without DOLFINx, so that what needs a mesh is imported where there is one.
+Study files are read without DOLFINx: functions that need a mesh import what they use themselves.
 """
 
 from __future__ import annotations
@@ -49,7 +49,6 @@ from contact_locking.values.kinds import (
 from contact_locking.values.value import Value, show, vector_at
 
 if TYPE_CHECKING:
-    pass
     from contact_locking.contact.coulomb import FrictionBound, Smoothing
     from contact_locking.contact.surface import ContactSurface
 
@@ -81,9 +80,8 @@ class Motion(Concept):
         if self.translation is None and self.rotation is None:
             yield Fault((), "has no motion: give translation, rotation or both")
         if (self.rotation is None) != (self.about is None):
-            missing, present = (
-                ("about", "rotation") if self.about is None else ("rotation", "about")
-            )
+            names = ("about", "rotation")
+            missing, present = names if self.about is None else names[::-1]
             yield Fault((missing,), f"is missing; {present} needs it")
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
@@ -132,7 +130,7 @@ _Shapes: Any = create_model("_Shapes", __base__=Concept, **_FIELDS)
 class Foundation(_Shapes):
     """A rigid body that the deformed body does not enter: shape, motion, and forces on it.
 
-    The first argument of a script is a shape, or an object of its own with the methods of
+    In scripts the first argument is a shape, or any object with the methods of
     :class:`~contact_locking.shapes.shape.Distance`.
     """
 
@@ -167,7 +165,7 @@ class Foundation(_Shapes):
 
     @property
     def shape_key(self) -> str:
-        """The key of the shape, empty for an object of a script's own."""
+        """The key of the shape, empty for another object of a script."""
         return self.shape.key if isinstance(self.shape, Shape) else ""
 
     @property
@@ -232,7 +230,7 @@ _SIZE_ROUNDING = 1e-9
 
 
 class Kernel(ABC):
-    """A smoothing R that is not yet on a mesh."""
+    """A smoothing R as data: :meth:`on` makes it for a surface."""
 
     @abstractmethod
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
@@ -266,7 +264,7 @@ class Mollifier(Concept, Kernel):
     )
 
     def over(self, common: Mollifier) -> Mollifier:
-        """``common``, with what this one says itself."""
+        """``common``, in which the values stated here replace those there."""
         return common.model_copy(update=self.stated())
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
@@ -332,7 +330,7 @@ class Coulomb(Concept):
     )
 
     def over(self, common: Coulomb) -> Coulomb:
-        """``common``, with what this one says itself."""
+        """``common``, in which the values stated here replace those there."""
         values = self.stated()
         if isinstance(self.smoothing, Mollifier):
             values["smoothing"] = self.smoothing.over(common.smoothing or Mollifier())
@@ -352,15 +350,15 @@ class Coulomb(Concept):
         """The friction bound on a surface, with R there."""
         from contact_locking.contact.coulomb import FrictionBound, Identity
 
-        # Without friction nothing asks for R, whose matrix would be made for its field.
+        # Without friction R is not needed, and its matrix would be made only for a field.
         kernel = Identity() if self.is_zero else smoothing
         return FrictionBound(surface, kernel, self.coefficient, self.is_zero)
 
 
 def _foundation_at_rest(value: Any, info: ValidationInfo) -> Any:
-    """In a script a shape, or an object of its own, is a foundation at rest."""
-    is_one = value is None or isinstance(value, dict | Foundation)
-    return value if is_one or info.context is not None else Foundation(value)
+    """In scripts a shape alone is a foundation at rest."""
+    is_foundation = value is None or isinstance(value, dict | Foundation)
+    return value if is_foundation or info.context is not None else Foundation(value)
 
 
 class Contact(Concept):
@@ -370,11 +368,11 @@ class Contact(Concept):
     of exterior facets (k,), or a pair of mesh tags and a value.  ``foundation`` is a
     :class:`Foundation`, or its shape alone; without one the ``gap`` g is along the outward normal.
 
-    ``against`` is the place of another side, of another body on the same mesh or of the same one;
-    it has no node of ``on`` but at the tip of a crack.  Contact then limits the jump
-    ``[u] = u - u o chi`` between the sides, with the points chi(x) of ``against`` that the normals
-    of ``on`` meet.  A gap adds to the distance of the sides: below zero they overlap and press, as
-    in a press fit.
+    ``against`` is the place of the other side, on another body of the mesh or across a cut of the
+    same body; it shares no node with ``on`` except at the tip of a crack.  Contact then limits the
+    jump ``[u] = u - u o chi`` between the sides, with the points chi(x) of ``against`` that the
+    normals of ``on`` meet.  The gap adds to the distance of the sides in the mesh; a negative gap
+    is an overlap that presses, as in a press fit.
     """
 
     on: Places = entry(("bottom",), "name(s) of the parts of Gamma_C; []: no contact")
@@ -454,7 +452,7 @@ class Contact(Concept):
 
 
 def named(contacts: Sequence[Contact]) -> list[Contact]:
-    """The contacts, each with a name of its own: that of its first boundary part if it has none.
+    """The contacts with unique names: a contact without one gets that of its first boundary part.
 
     Raises InputError for a name that two contacts have.
     """

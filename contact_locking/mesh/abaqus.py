@@ -115,7 +115,7 @@ def _require_read(cards: Sequence[Card]) -> None:
         )
 
 
-def _cards(path: Path, depth: int = 0, part: str = "") -> Iterator[Card]:
+def _cards(path: Path, depth: int = 0, part_name: str = "") -> Iterator[Card]:
     """The cards of a file and of those that it includes."""
     try:
         raw = path.read_bytes()
@@ -140,10 +140,10 @@ def _cards(path: Path, depth: int = 0, part: str = "") -> Iterator[Card]:
         options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
         keyword, data = " ".join(head.upper().split()), []
         if keyword in ("PART", "END PART"):
-            part = options.get("NAME", "")
-        yield Card(keyword, options, data, part)
+            part_name = options.get("NAME", "")
+        yield Card(keyword, options, data, part_name)
         if keyword == "INCLUDE":
-            yield from _cards(path.parent / options.get("INPUT", ""), depth + 1, part)
+            yield from _cards(path.parent / options.get("INPUT", ""), depth + 1, part_name)
 
 
 class Sets:

@@ -313,9 +313,9 @@ def _grid(element: ElementTree.Element, file: Any) -> Grid:
     return Grid(name, kind, nodes[:, list(kind.gmsh_order)], tags)
 
 
-def _array(element: ElementTree.Element, part: str, file: Any) -> Any:
-    item = element.find(f"{part}/DataItem")
-    return file[(("" if item is None else item.text) or "").strip().partition(":")[2]][()]
+def _array(element: ElementTree.Element, tag: str, file: Any) -> Any:
+    data_item = element.find(f"{tag}/DataItem")
+    return file[(("" if data_item is None else data_item.text) or "").strip().partition(":")[2]][()]
 
 
 def _mesh(grids: Sequence[Grid], coordinates: Any) -> MeshData:

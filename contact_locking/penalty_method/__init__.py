@@ -45,6 +45,6 @@ def _others(problem: DiscreteProblem) -> Iterator[tuple[str, str]]:
         if contact.is_free:
             yield f"{contact.key}.foundation", "a foundation that a force or a spring moves"
         if not contact.regularisation > 0.0:
-            yield contact.given.friction_key("regularisation"), "friction that is not smooth"
+            yield contact.concept.friction_key("regularisation"), "friction that is not smooth"
     if not penalty.epsilon > 0.0:
         yield "penalty.epsilon", "contact without a compliance"

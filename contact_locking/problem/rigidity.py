@@ -88,7 +88,7 @@ class GroupMotions:
 
     @property
     def most_work(self) -> FloatArray:
-        """The same with the largest forces of the process."""
+        """:attr:`work` with the largest forces of tools in the process."""
         return np.array([*self._of_loads, *(tool.largest for tool in self._tools)])
 
     @functools.cached_property
@@ -227,10 +227,9 @@ class GroupMotions:
             if np.any(moves > _ROUNDING):
                 raise InputError(
                     "body and foundations can move together as one rigid body "
-                    f"({self._words(motion)}): the forces "
-                    "tell how hard the foundations press, and nothing tells where; fix a "
-                    "component on a boundary part in loads.displacements, or leave out one "
-                    "foundation.force",
+                    f"({self._words(motion)}): the forces fix how hard the foundations press, and "
+                    "nothing fixes where; hold a component on a boundary part in "
+                    "loads.displacements, or leave out one foundation.force",
                     self._tools[0].key,
                 )
 

@@ -34,8 +34,8 @@ class BodyForms:
         v, self._data = ufl.TestFunction(space), data
         self._w, self._forces = fem.Function(space), fem.Function(space)
         # One form for cells and one for facets, as in `JointForm`.
-        parts = [data.elasticity, *(item.form for item in data.springs)]
-        self._energies = [compiled.form(0.5 * part(self._w, self._w)) for part in parts]
+        parts = [data.elasticity, *(spring.form for spring in data.springs)]
+        self._energies = [compiled.form(0.5 * bilinear(self._w, self._w)) for bilinear in parts]
         self._elastic = JointForm(forms.elastic_form(self._w, v, data))
         self._external = JointForm(forms.external_work(v, data))
         self._comm = space.mesh.comm
@@ -190,12 +190,12 @@ class System:
     @property
     def rubbing(self) -> tuple[NodalContact, ...]:
         """The contacts with friction."""
-        return tuple(item for item in self.contacts if not item.friction.frictionless)
+        return tuple(contact for contact in self.contacts if not contact.friction.frictionless)
 
     def near_nullspace(self) -> PETSc.NullSpace:
         """The rigid body motions, orthonormal, for algebraic multigrid; collective."""
-        # Axisymmetric bodies, too, get all motions of the plane, which they hardly resist away from
-        # the axis: multigrid takes a third of the iterations.
+        # Axisymmetric bodies get all motions of the plane as well, because they hardly resist these
+        # away from the axis: multigrid takes a third of the iterations.
         return near_nullspace(self.u.x.petsc_vec.duplicate(), self.u.function_space)
 
     def force_scale(self, tolerance: float) -> float:
@@ -301,13 +301,13 @@ def affine_part(
     corners = range(affine.dofmap.list.shape[1])
     at_corner = [space.dofmap.dof_layout.entity_dofs(0, corner)[0] for corner in corners]
     nodes = space.dofmap.list[:, at_corner].reshape(-1)
-    free_there = np.zeros((len(affine.tabulate_dof_coordinates()), dim, dim))
-    free_there[affine.dofmap.list.reshape(-1)] = free[nodes]
+    free_at_corners = np.zeros((len(affine.tabulate_dof_coordinates()), dim, dim))
+    free_at_corners[affine.dofmap.list.reshape(-1)] = free[nodes]
     # F at midpoints, and nothing at corners, whose rows are those of the interpolation.
     free[nodes] = 0.0
     left, right = (
         block_diagonal(blocks[: each.dofmap.index_map.size_local], space.mesh.comm)
-        for blocks, each in ((free, space), (free_there, affine))
+        for blocks, each in ((free, space), (free_at_corners, affine))
     )
     scaled = plain.matMult(right)
     prolongation = left.matMult(scaled)

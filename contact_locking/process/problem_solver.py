@@ -1,4 +1,4 @@
-"""A discrete problem with its solver: any number of solves, and the solution of each."""
+"""A discrete problem with its solver, for any number of solves, and the solution of each."""
 
 from __future__ import annotations
 
@@ -25,12 +25,7 @@ from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import System
 from contact_locking.process.findings import findings
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.derived import (
-    BodyFields,
-    Contacts,
-    gather_contacts,
-    on_gamma_c,
-)
+from contact_locking.results.derived import BodyFields, Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
@@ -49,7 +44,7 @@ _APART = "with the bodies paired as at the previous solution, nothing is admissi
 class ProblemSolver:
     """The solver of a discrete problem; mesh, compiled forms and spaces are made once.
 
-    Before each solve the caller updates the problem to its time or new data.  Constructor and
+    Before each solve the caller updates the problem to the present time and data.  Constructor and
     methods are collective.  Raises InputError for a problem that ``method: penalty`` cannot solve.
     """
 
@@ -99,19 +94,17 @@ class ProblemSolver:
         self.system.assemble_loads()
         self.system.clear()
 
-    def solve(
-        self,
-        saved: SavedState | None = None,
-        searches: bool = True,
-    ) -> Outcome:
-        """Solve for the present data, from a saved state if that helps; see :class:`Task`."""
+    def solve(self, saved: SavedState | None = None, searches: bool = True) -> Outcome:
+        """Solve for the present data; tries the ``saved`` state first.
+
+        ``searches`` is that of :class:`Task`.  The bodies are paired anew at each solution, until
+        the pairing stays.
+        """
         self.close()
 
         def task() -> Task:
             return dataclasses.replace(
-                self.task,
-                is_unbalanced=self.is_unbalanced,
-                searches=searches,
+                self.task, is_unbalanced=self.is_unbalanced, searches=searches
             )
 
         if self._method == "penalty":
@@ -132,7 +125,7 @@ class ProblemSolver:
         return report
 
     def _next_start(self, report: Outcome) -> SavedState | None:
-        """Pair the bodies anew at the solution; the state to go on from, None if none changed."""
+        """Pair the bodies anew at the solution; the next start, None if no pairing changed."""
         problem, system = self.problem, self.system
         assert report.multipliers is not None
         touching = [forces.touches for forces in report.multipliers.contacts]
@@ -159,7 +152,7 @@ class ProblemSolver:
         return self.target.penalty.is_strict and maximum(self.system.comm, limits) > 0.0
 
     def verdict(self) -> Verdict | None:
-        """That nothing is admissible for the present data, None without a proof."""
+        """The proof that no displacement is admissible for the present data, or None."""
         return Reasons(dataclasses.replace(self.task, monitor=Monitor())).verdict
 
     def is_unbalanced(self) -> bool:
@@ -223,7 +216,7 @@ class ProblemSolver:
         return distance(solution.displacement, exact, problem.data)
 
     def unused_options(self) -> list[Finding]:
-        """A finding about PETSc options that no solve has used, if there are any."""
+        """A finding that names the PETSc options that no solve has used, or nothing."""
         unused = self._options.unused()
         return [Finding("solver.unused_options", names=", ".join(unused))] if unused else []
 
@@ -366,7 +359,7 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         numbers = computed("contact", Contacts(domain, (fields,)))
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **numbers}
+        entry = {"name": contact.concept.name, **places, **numbers}
         for tool, size in zip(tools, tools.travels, strict=True):
             if tool.contact is fields.contact:
                 entry["tool"] = tool.summary(size)
@@ -375,8 +368,8 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         entries.append(entry)
     whole = computed("contact", Contacts(domain, state.contacts))
     if len(entries) > 1:
-        alone = tuple(item for item in state.contacts if not item.contact.against)
+        alone = tuple(fields for fields in state.contacts if not fields.contact.against)
         sums = computed("contact", Contacts(domain, alone))
-        resultants = [key for key, item in QUANTITIES.items() if item.is_resultant]
+        resultants = [key for key, quantity in QUANTITIES.items() if quantity.is_resultant]
         whole |= {key: sums[key] if alone else None for key in resultants}
     return whole | {"contacts": entries}

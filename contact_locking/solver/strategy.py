@@ -1,7 +1,7 @@
-"""The one entry point to the general solver: its attempts in their order, and why all failed.
+"""The entry point of the general solver: its attempts in their order, and why all of them failed.
 
-The reasons are looked for after a failure, and each is computed when it is first asked for: what is
-proved, and what softer penalties show.
+After a failure it looks for the reason: a proof that there is no solution, or forces that grow with
+the penalty.  Each is computed on first use.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ class Reasons:
 
     @property
     def verdict(self) -> Verdict | None:
-        """That nothing is admissible, None without a proof."""
+        """The proof that no displacement is admissible, or None."""
         return self._without_friction[0]
 
     @functools.cached_property
     def growth(self) -> Growth | None:
-        """That forces grow with the penalty, None if they do not."""
+        """Two solutions whose forces grow with the penalty, None if there are none."""
         is_strict = self._task.target.penalty.is_strict
         return find_growth(self._task, self._without_friction[1] if is_strict else None)
 
@@ -385,7 +385,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     if not outcome.converged:
         outcome = reasons.explain(outcome)
     outcome = outcome.with_counts(task.counts, [stage_of(penalty, task.counts.tangents)])
-    task.system.tools.rest(task.system.u)
+    task.system.tools.update_unloaded(task.system.u)
     task.monitor.counted(outcome.tangents, outcome.updates)
     return outcome
 

@@ -241,7 +241,7 @@ class Task:
     searches: bool = True
 
     def aside(self, counts: Counts, target: Target | None = None) -> Task:
-        """The same task without progress messages, with separate counts."""
+        """The same task, or one with another target, without messages and with these counts."""
         return dataclasses.replace(
             self, target=target or self.target, monitor=Monitor(), counts=counts
         )

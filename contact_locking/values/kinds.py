@@ -342,8 +342,8 @@ Along = Annotated[
 Condition = Annotated[str, BeforeValidator(_condition)]
 
 
-def _rule(*variables: str, **more: Any) -> ScalarRule:
-    return ScalarRule((*POSITION, *variables), **more)
+def _rule(*variables: str, **options: Any) -> ScalarRule:
+    return ScalarRule((*POSITION, *variables), **options)
 
 
 Scalar = Annotated[Value, _rule(has_ufl=True)]

@@ -174,16 +174,16 @@ class Value:
         points: FloatArray,
         time: float = 0.0,
         shape: tuple[int, ...] = (),
-        **more: FloatArray,
+        **variables: FloatArray,
     ) -> FloatArray:
         """The values (k, ...) of a shape at points (d, k) and a time.
 
-        ``more`` are the values (k,) of further variables.  Raises InputError for a value of an
+        ``variables`` are the values (k,) of further variables.  Raises InputError for a value of an
         expression that is not finite.
         """
         values: Any = self.number
         if values is None and self.expression is not None:
-            values = self.expression.numpy(**_variables(points, time), **more)
+            values = self.expression.numpy(**_variables(points, time), **variables)
         elif values is None:
             # A constant of DOLFINx can be called as well.
             is_constant = hasattr(self.data, "value")
@@ -196,14 +196,14 @@ class Value:
         points: FloatArray,
         time: float = 0.0,
         tables: Mapping[Lookup, FloatArray] | None = None,
-        **more: Any,
+        **variables: Any,
     ) -> FloatArray:
         """The values (k,) of an expression at points (d, k), infinite or NaN where it has none.
 
         ``tables`` has values (k,) that stand in for those of tables.
         """
         assert self.expression is not None
-        values = self.expression.unchecked(tables, **_variables(points, time), **more)
+        values = self.expression.unchecked(tables, **_variables(points, time), **variables)
         return np.broadcast_to(values, points.shape[1:])
 
     def with_gradient(self, points: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:

@@ -383,9 +383,9 @@ def _numbers(section: Any) -> dict[str, float]:
 
 def _tables(data: Any, folder: Any) -> dict[str, Tabulated]:
     """The tables that can be read; others are zero, and faults of their own."""
-    given = data.get("tables")
+    sections = data.get("tables")
     tables = {}
-    for name, section in given.items() if isinstance(given, dict) else ():
+    for name, section in sections.items() if isinstance(sections, dict) else ():
         tables[str(name)] = Tabulated([0.0, 1.0], [0.0, 0.0])
         with contextlib.suppress(ValidationError):
             tables[str(name)] = TableFile.model_validate(section, context=folder).table(name)
