@@ -102,10 +102,6 @@ class Family(PointCones):
         """Write the block D for the tangent."""
         self.write_springs([values for _, values in self.springs])
 
-    def soften(self, factor: float, material: float) -> None:
-        """Write the block without the stiffness that the filter handles."""
-        self.write_block()
-
     @abstractmethod
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         """The owned nodes where the block is stiffer than the material by a factor."""
@@ -133,8 +129,8 @@ class Family(PointCones):
         rows = self.along(np.concatenate(points), np.hstack(directions))
         return rows, np.concatenate(stiffness)
 
-    def soften_along(self, factor: float, material: float) -> None:
-        """Write the block without the stiffness of :meth:`stiff_rows`."""
+    def soften(self, factor: float, material: float) -> None:
+        """Write the block without what :meth:`stiff_rows` takes, for multigrid."""
         soft, kept = self.soft_springs(material)
         self.write_springs(
             [

@@ -289,22 +289,17 @@ class Tangent:
         tuning, is_linear = self._tuning, self.system.data.element.degree == 1
         along = tuning.stiff_along if is_linear else tuning.stiff_along_quadratic
 
-        def assemble_rest(rest: PETSc.Mat) -> None:
+        def assemble_rest(factor: float, rest: PETSc.Mat) -> None:
             for family in self.families:
-                family.soften(tuning.stiff, self._material)
-            self._assemble(rest)
-
-        def assemble_across(rest: PETSc.Mat) -> None:
-            for family in self.families:
-                family.soften_along(along, self._material)
+                family.soften(factor, self._material)
             self._assemble(rest)
 
         return StiffPart(
             self._stiff_nodes(tuning.stiff),
             lambda: self._stiff_nodes(tuning.nearly_stiff),
-            assemble_rest,
+            functools.partial(assemble_rest, tuning.stiff),
             lambda: self._stiff_rows(along),
-            assemble_across,
+            functools.partial(assemble_rest, along),
         )
 
     def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
