@@ -236,7 +236,7 @@ def test_wrong_words_return_2_with_one_message(
 
 
 HEAVY = "dolfinx mpi4py petsc4py gmsh ufl"
-SLOW = f"numpy scipy pydantic ruamel rich matplotlib {HEAVY}"
+SLOW = f"numpy scipy pydantic ruamel matplotlib {HEAVY}"
 
 
 @pytest.mark.serial

@@ -151,6 +151,7 @@ def test_the_key_on_is_read_as_programs_of_yaml_1_1_write_it(tmp_path: Path) -> 
         ("material.limits_of", "elastic"),
         ("mesh.curved", True),
         ("output.animation", True),
+        ("output.formats", ["vtx"]),
         ("solver.friction", "nested"),
         ("discretisation.limit_at", "gauss"),
         ("mesh.facets", "facets.xdmf"),

@@ -20,7 +20,8 @@ REMOVED_KEYS: dict[str, str] = {
     "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
     "expansion to the limit where the body may expand freely",
     "curved": "all cells have straight sides; use a smaller mesh.h where a side is round",
-    "animation": "there are no animations: ParaView plays the steps of fields.bp",
+    "animation": "there are no animations: ParaView plays the steps of fields.vtkhdf",
+    "formats": "ParaView, PyVista and h5py read fields.vtkhdf; leave the key out",
     "limit_at": "the limit is kept at the vertices of triangles and tetrahedra, hence everywhere, "
     "and at the Gauss points elsewhere; leave the key out",
     "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
