@@ -236,6 +236,7 @@ class TerminalMonitor(Monitor):
     """
 
     def __init__(self) -> None:
+        self._warnings: set[str] = set()
         self._step = self._stage = ""
         self._iterations = self._krylov = 0
         # Tangents and friction updates of the solve, and those of the stages before this one.
@@ -246,7 +247,10 @@ class TerminalMonitor(Monitor):
 
     def message(self, text: str) -> None:
         if text.startswith("warning"):
-            complain(text)
+            # Adapted meshes repeat warnings.
+            if text not in self._warnings:
+                complain(text)
+            self._warnings.add(text)
             return
         self.finish()
         self._line(text)

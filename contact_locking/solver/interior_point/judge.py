@@ -94,7 +94,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     tangent.refresh()
     try:
         with linear_failures():
-            rho = tangent.balance(reactions, _ACCURACY)
+            rho = tangent.answer(tangent.forces(reactions), _ACCURACY)
     except NotConverged:
         return None
     reactions = {f: values - springs[f] * f.see(rho) for f, values in reactions.items()}

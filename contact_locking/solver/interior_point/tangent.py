@@ -192,10 +192,6 @@ class Tangent:
         moved = self.answer(-self._stretched - self.forces(reactions), accuracy)
         return moved, self.answer(self._load, accuracy)
 
-    def balance(self, reactions: Reactions, accuracy: float) -> FloatArray:
-        """The displacement whose forces are those of the reactions."""
-        return self.answer(self.forces(reactions), accuracy)
-
     def respond(self, reactions: Reactions, accuracy: float) -> FloatArray:
         """The displacement that a change of reactions causes."""
         return self.answer(-self.forces(reactions), accuracy, is_rough=True)
@@ -207,7 +203,7 @@ class Tangent:
         return self._solve(forces, self._answer, residual, is_rough)
 
     def residual_forces(self) -> float:
-        """The sum of the magnitudes of the nodal forces that the last :meth:`balance` leaves."""
+        """The sum of the magnitudes of the nodal forces that the last :meth:`answer` leaves."""
         self.linear.multiply(self._answer, self._moved)
         self._moved.axpy(-1.0, self._right)
         return float(self._moved.norm(PETSc.NormType.NORM_1))
