@@ -24,6 +24,7 @@ from typing import Any
 
 from petsc4py import PETSc
 
+from contact_locking.problem.system import affine_part
 from contact_locking.solver.ksp import (
     FILTER_LIMIT,
     FROM_ANY_START,
@@ -252,22 +253,21 @@ _WITH_ANOTHER: dict[str, Any] = {
 _NOT_DEFINITE = 71
 
 
-def tangent_solver(
-    matrix: PETSc.Mat,
-    task: Task,
-    find_coarser: Callable[[], CoarserSpace | None],
-) -> KspTangents | MultigridTangents:
+def tangent_solver(matrix: PETSc.Mat, task: Task) -> KspTangents | MultigridTangents:
     """The solver by the settings; with a preconditioner of the user, PETSc's KSP alone; collective.
 
-    ``matrix`` and the space that ``find_coarser`` finds are those of :class:`MultigridTangents`.
+    ``matrix`` is that of :class:`MultigridTangents`.
     """
-    petsc, dim, degree = task.settings.petsc, task.system.dim, task.system.data.element.degree
+    system, petsc = task.system, task.settings.petsc
+    dim, degree = system.dim, system.data.element.degree
     common = petsc, task.monitor.linear, task.counts
     if is_direct(task.settings.linear, dim, matrix.getSize()[0]):
         return KspTangents(matrix, direct_options(matrix.getComm()), True, *common)
     if user_options(petsc).get("pc_type", OWN_PRECONDITIONER) != OWN_PRECONDITIONER:
         return KspTangents(matrix, _WITH_ANOTHER, False, *common)
-    return MultigridTangents(matrix, dim, degree, *common, find_coarser())
+    affine = affine_part(system.u.function_space, system.constraints) if degree > 1 else None
+    coarser = None if affine is None else CoarserSpace(*affine)
+    return MultigridTangents(matrix, dim, degree, *common, coarser)
 
 
 class KspTangents:

@@ -49,7 +49,10 @@ class ElasticStart:
         if is_at_rest and self._is_admissible(0.0):
             return True
         start = tangent.present()
-        self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)
+        # The steps by the elastic forces together with the springs, and by the loads.
+        elastic = -tangent.stretched - tangent.forces(push)
+        self._moved = tangent.answer(elastic, tuning.start_accuracy)
+        self._loaded = tangent.answer(tangent.load, tuning.start_accuracy)
         if tangent.is_linear:
             tangent.move(1.0, self._moved + self._loaded)
             tangent.update()

@@ -17,13 +17,12 @@ from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.system import affine_part
 from contact_locking.solver.interior_point.contact_cones import ContactNodes, OnContact
 from contact_locking.solver.interior_point.family import Family, Reactions
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.ksp import IN_BLOCKS, is_direct, stacked
-from contact_locking.solver.multigrid import CoarserSpace, StiffPart
+from contact_locking.solver.multigrid import StiffPart
 from contact_locking.solver.tangent_solver import Follow, tangent_solver
 from contact_locking.solver.task import Task
 
@@ -81,8 +80,9 @@ class Tangent:
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
         self._vectors = [self.matrix.createVecRight() for _ in range(5)]
         self._step, self._answer, self._right, self._moved, self._product = self._vectors
-        self._load = self._stretched = self._unbalanced = self.zeros()
-        self.linear = tangent_solver(self.matrix, task, self._coarser_space)
+        #: The loads, and the elastic forces.
+        self.load = self.stretched = self._unbalanced = self.zeros()
+        self.linear = tangent_solver(self.matrix, task)
         #: The direct solver of the tangents, if any.
         self.direct = self.linear.direct
 
@@ -93,21 +93,21 @@ class Tangent:
         for family in self.families:
             family.update(displacement)
         displacement[self._owned :] = tools.travels
-        self._load = np.append(system.load, tools.forces)
+        self.load = np.append(system.load, tools.forces)
         if self.is_linear:
-            self._stretched = self.elastic_times(displacement)
+            self.stretched = self.elastic_times(displacement)
             self.energy = self._energy_of(displacement)
         else:
             sprung = tools.stiffnesses * displacement[self._owned :]
-            self._stretched = np.append(self._body_forces(), sprung)
+            self.stretched = np.append(self._body_forces(), sprung)
             self.energy = system.energy()
-        acting = max(self._norm(self._load), self._norm(self._stretched))
+        acting = max(self._norm(self.load), self._norm(self.stretched))
         self.force_scale = system.rounding.raise_above(acting, self._tolerance)
-        self._unbalanced = self._stretched - self._load
+        self._unbalanced = self.stretched - self.load
 
     def load_work(self) -> float:
         """``(f, u)`` of the system's displacement."""
-        return self._dot(self._load, self.present())
+        return self._dot(self.load, self.present())
 
     def refresh(self) -> None:
         """Assemble the tangent with the present blocks of all families."""
@@ -186,11 +186,6 @@ class Tangent:
 
         right = -self._unbalanced - self.forces(reactions)
         return self._solve(right, self._step, accuracy * self.force_scale, False, add_following)
-
-    def elastic_parts(self, accuracy: float, reactions: Reactions) -> tuple[FloatArray, FloatArray]:
-        """The steps by the elastic forces together with reactions, and by the loads."""
-        moved = self.answer(-self._stretched - self.forces(reactions), accuracy)
-        return moved, self.answer(self._load, accuracy)
 
     def respond(self, reactions: Reactions, accuracy: float) -> FloatArray:
         """The displacement that a change of reactions causes."""
@@ -399,15 +394,9 @@ class Tangent:
 
     def _energy_of(self, displacement: FloatArray) -> float:
         """``a(u, u)/2``."""
-        energy = 0.5 * self._dot(self._stretched, displacement)
+        energy = 0.5 * self._dot(self.stretched, displacement)
         # If the body moves far more than it is strained, elastic forces are small differences, and
         # the product multiplies their rounding by the whole motion.  Integrating the strains has
         # far less rounding but takes longer.
         rounding = ROUNDING * self._stiffest * self._dot(displacement, displacement)
         return energy if energy >= rounding else self.system.energy()
-
-    def _coarser_space(self) -> CoarserSpace | None:
-        """The affine displacements, for elements of degree 2."""
-        if self.system.data.element.degree < 2:
-            return None
-        return CoarserSpace(*affine_part(self.system.u.function_space, self.system.constraints))
