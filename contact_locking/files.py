@@ -242,7 +242,7 @@ def require_size(path: Path) -> None:
     if size > LARGEST_FILE:
         raise InputError(
             f"{path} has {size / 1e6:.0f} MB, and at most {LARGEST_FILE / 1e6:.0f} MB are "
-            "read; make the tool coarser, which need not be finer than the mesh of the body"
+            "read; use a coarser tool: it need not be finer than the mesh of the body"
         )
     if size == 0:
         raise InputError(f"{path} is empty")

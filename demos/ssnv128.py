@@ -1,5 +1,5 @@
 # %% [markdown]
-# # How far does a plate slip, and what do other codes say?
+# # How far does the plate of SSNV128 slip, and what do other codes say?
 #
 # Codes for contact are compared by SSNV128, a test of code_aster's validation manual. A plate of
 # 40 mm lies on a rigid floor with the friction coefficient 1 and leans on a frictionless wall on

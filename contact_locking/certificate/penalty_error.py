@@ -152,7 +152,7 @@ class Lifting:
         """
         state, constraints = self._state, self._state.problem.constraints
         if state.problem.data.own_energy is not None:
-            raise NotApplicable("no proof covers the user's own energy")
+            raise NotApplicable("no proof covers a user-defined energy")
         overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
         if on_every_rank(state.comm, constraints.largest() == 0.0 and not overlaps):
             return None

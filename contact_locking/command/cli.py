@@ -229,11 +229,8 @@ def _end_ranks(arguments: argparse.Namespace, interrupt: KeyboardInterrupt) -> N
 def _unexpected(error: Exception) -> tuple[str, str]:
     """One line about the error, and another about the remedy."""
     if isinstance(error, OSError) and error.strerror:
-        place = error.filename or "a file of its own, perhaps in the cache of compiled forms"
-        hint = (
-            "The system refuses it, as with a full disk or a home that is read-only; "
-            "XDG_CACHE_HOME says where compiled forms are kept."
-        )
+        place = error.filename or "an internal file, perhaps in the cache of compiled forms"
+        hint = "The disk is full, or the folder of compiled forms is read-only (XDG_CACHE_HOME)."
         return f"error: {error.strerror}: {place}", hint
     text = " ".join(f"error: unexpected {type(error).__name__}: {error}".split())
     return (

@@ -55,7 +55,7 @@ def new(arguments: argparse.Namespace) -> int:
                 try:
                     files.write_new(path, content)
                 except FileExistsError:
-                    message = f"{path}: there is a file already; -o FILE names another one"
+                    message = f"{path}: the file exists; give another name with -o FILE"
                     raise InputError(message) from None
         rows = (("check", "what is wrong, or what would run"), ("run", "solves, and draws"))
         steps = [(f"  contact-locking {name} {place}", about) for name, about in rows]
@@ -215,7 +215,7 @@ def check(arguments: argparse.Namespace) -> int:
 def mesh(arguments: argparse.Namespace) -> int:
     """Write the mesh of a study file's builder as a Gmsh file."""
     if arguments.file.suffix.lower() == ".inp":
-        raise InputError(f"a study reads a deck as it is: mesh.file: {arguments.file}")
+        raise InputError(f"a study file can use the deck directly: mesh.file: {arguments.file}")
     study, place = _load(arguments.file, arguments.set), arguments.output
     geometry = study.parameters.mesh.geometry
     with _explained(study):
@@ -226,7 +226,7 @@ def mesh(arguments: argparse.Namespace) -> int:
     from contact_locking.meshes import write
 
     if place.exists() or place.is_symlink():
-        raise InputError(f"{place}: there is a file already; -o FILE names another one")
+        raise InputError(f"{place}: the file exists; give another name with -o FILE")
     try:
         with explained(f"cannot write {place}", place):
             write(geometry, place, study.parameters.refined_names)

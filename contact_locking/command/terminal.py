@@ -203,7 +203,7 @@ def _prepare_environment() -> None:
     folder = os.environ.get("TMPDIR")
     if folder and not (os.path.isdir(folder) and os.access(folder, os.W_OK)):
         raise InputError(
-            f"TMPDIR: {folder} is no folder that can be written to; make it, or unset TMPDIR"
+            f"TMPDIR: {folder} cannot be written to; create the folder, or unset TMPDIR"
         )
 
 

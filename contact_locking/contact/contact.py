@@ -148,12 +148,12 @@ class Foundation(_Shapes):
         "the rigid body gives way along a line by force/stiffness, beyond its motion; a force is "
         "its preload; null: no spring",
     )
-    own: Any = hidden("own")
+    custom: Any = hidden("custom")
 
     def __init__(self, shape: Distance | None = None, **named: Any) -> None:
         if shape is not None:
             key = shape.key if isinstance(shape, Shape) else ""
-            named[key if key in _FIELDS else "own"] = shape
+            named[key if key in _FIELDS else "custom"] = shape
         super().__init__(**named)
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
@@ -161,7 +161,7 @@ class Foundation(_Shapes):
     @property
     def shape(self) -> Distance:
         """The shape at rest."""
-        return next(x for key in ("own", *_FIELDS) if (x := getattr(self, key)) is not None)
+        return next(x for key in ("custom", *_FIELDS) if (x := getattr(self, key)) is not None)
 
     @property
     def shape_key(self) -> str:
@@ -184,17 +184,17 @@ class Foundation(_Shapes):
         return self.force is not None or self.spring is not None
 
     def _faults(self) -> Iterator[Fault]:
-        shapes = [key for key in (*_FIELDS, "own") if getattr(self, key) is not None]
+        shapes = [key for key in (*_FIELDS, "custom") if getattr(self, key) is not None]
         if len(shapes) != 1:
             listed = ", ".join(_FIELDS)
             message = f"give exactly one of {listed}, not {' and '.join(shapes) or 'none'}"
             yield Fault((), message)
         methods = ("gap", "contact_normal")
-        is_distance = all(callable(getattr(self.own, name, None)) for name in methods)
-        if self.own is not None and (isinstance(self.own, type) or not is_distance):
+        is_distance = all(callable(getattr(self.custom, name, None)) for name in methods)
+        if self.custom is not None and (isinstance(self.custom, type) or not is_distance):
             message = (
                 "must be a shape such as Sphere(centre, radius), or an object with gap(x) and "
-                f"contact_normal(x), not {type(self.own).__name__}"
+                f"contact_normal(x), not {type(self.custom).__name__}"
             )
             yield Fault((), message)
         if self.force is not None and all(component == 0 for component in self.force):

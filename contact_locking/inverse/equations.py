@@ -96,11 +96,11 @@ class Equations:
 
     def __init__(self, system: System, target: Target, iterate: SavedState) -> None:
         if system.data.own_energy is not None:
-            raise InputError("there are no derivatives with your own energy", "energy")
+            raise InputError("there are no derivatives with a user-defined energy", "energy")
         for contact in system.rubbing:
             if not contact.friction.is_coulomb:
                 raise InputError(
-                    "there are no derivatives with your own friction bound", contact.key
+                    "there are no derivatives with a user-defined friction bound", contact.key
                 )
         self.system, self.target = system, target
         self._owned = len(system.load)

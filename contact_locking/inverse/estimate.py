@@ -303,8 +303,7 @@ class _Trials:
         if residuals is None:
             if not self._known or not self._derives:
                 raise NotConverged(
-                    "a solve did not converge at the start of the fit, or beside it: give another "
-                    "start"
+                    "a solve did not converge at or near the start of the fit: give another start"
                 )
             # The search takes a shorter step where nothing is finite.
             return np.full_like(next(iter(self._known.values())).values, np.nan)

@@ -57,7 +57,7 @@ def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to")
     section = key.partition(".")[0]
     if section in _NOT_SMOOTH:
         why = f"the equations do not depend smoothly on numbers of the section {section}"
-        raise InputError(f"{key}: {why}, so that there is no derivative by it", asked)
+        raise InputError(f"{key}: {why}, so that there is no derivative with respect to it", asked)
     value: Any = plain(parameters)
     for word in key.split("."):
         if isinstance(value, dict) and word in value:
@@ -75,9 +75,9 @@ def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to")
             asked,
         )
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{key} is no number: there is no derivative by it", asked)
+        raise InputError(f"{key} is no number: there is no derivative with respect to it", asked)
     if not math.isfinite(value):
-        raise InputError(f"{key} is infinite: there is no derivative by it", asked)
+        raise InputError(f"{key} is infinite: there is no derivative with respect to it", asked)
     return float(value)
 
 
@@ -154,7 +154,7 @@ class LazyDerivatives:
             case Number():
                 return self.made.by(quantity, number_of(of))
         raise InputError(
-            "a derivative is by a constant or a function of DOLFINx or by a Number, not by "
+            "derivatives are with respect to a constant or function of DOLFINx or a Number, not "
             f"{type(of).__name__}",
             "of",
         )
@@ -361,7 +361,7 @@ def entry(table: Table, shares: dict[str, float]) -> dict[str, Any]:
         for column, name in enumerate(table.parameters):
             number = {"derivative": float(table.derivatives[row, column])}
             if table.are_nothing[row]:
-                reason = f"{quantity} is zero, which has no per cent"
+                reason = f"{quantity} is zero, so that its change in per cent is undefined"
                 entries[quantity][name] = number | {"elasticity": None, "reason": reason}
             else:
                 entries[quantity][name] = number | {"elasticity": float(elasticities[row, column])}

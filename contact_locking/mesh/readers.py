@@ -277,7 +277,7 @@ def read_xdmf(path: Path) -> MeshData:
     sources = [(element.text or "").strip().partition(":")[0] for element in root.iter("DataItem")]
     if not data.exists() or any(source != data.name for source in sources):
         raise InputError(
-            f"{path} does not have its numbers in {data.name} beside it: write it with "
+            f"{path} needs its numbers in {data.name}, in the same folder: write it with "
             "dolfinx.io.XDMFFile, or with meshio and data_format='HDF'"
         )
     try:
@@ -298,7 +298,7 @@ def _grid(element: ElementTree.Element, file: Any) -> Grid:
     word = "" if topology is None else topology.get("TopologyType", "")
     # Names are printed, and terminals read some characters as commands.
     if not name or not name.isprintable():
-        raise InputError(f"the name of a grid is {name!a}, which is no name")
+        raise InputError(f"the name of a grid is {name!a}, which is not valid")
     if (kind := _KINDS.get(word.lower())) is None:
         known = ", ".join(kind.plural for kind in NAMED.values())
         raise InputError(

@@ -162,7 +162,7 @@ class Body:
         ):
             for data in items:
                 cells = every if data.cells is None else data.cells
-                inside = expressions(data.given) if isinstance(data.given, Concept) else ()
+                inside = expressions(data.content) if isinstance(data.content, Concept) else ()
                 for place, value, _ in inside:
                     entities = Entities.of(domain, domain.dim, cells)
                     key, times = data.key_of(*place), clock.some_times

@@ -31,12 +31,12 @@ Check = Callable[[FloatArray, str], None]
 
 @dataclass(frozen=True)
 class Placed:
-    """A concept with its key, in some local cells; in all of them if ``cells`` is None.
+    """A concept or value with its key, in some local cells; in all of them if ``cells`` is None.
 
     ``short`` is the key of its only value, if a study file gives that without the concept.
     """
 
-    given: Any
+    content: Any
     key: str
     cells: IndexArray | None = None
     short: str = ""
@@ -169,7 +169,7 @@ class Points:
         adds: bool = False,
     ) -> Sampler:
         """Values (k, ...) by samplers ``of`` parts: in a cell those of its last part, or sums."""
-        samplers = [(self.of(p.cells), of(p.given, self.for_key(p.key, p.cells))) for p in parts]
+        samplers = [(self.of(p.cells), of(p.content, self.for_key(p.key, p.cells))) for p in parts]
 
         def joined() -> FloatArray:
             values = np.full((len(self.all), *shape), elsewhere)
@@ -285,19 +285,19 @@ class LimitsOnMesh:
         """
         # Limits that a body can have only once are joined over their cells.
         groups: dict[Any, list[Placed]] = {}
-        for number, item in enumerate(placed):
-            is_shared = item.cells is not None and item.given.once
-            groups.setdefault(type(item.given) if is_shared else number, []).append(item)
+        for number, each in enumerate(placed):
+            is_shared = each.cells is not None and each.content.once
+            groups.setdefault(type(each.content) if is_shared else number, []).append(each)
         limits = [(group[0].key, _in_cells(group)) for group in groups.values()]
-        balls = [(key, item) for key, item in limits if isinstance(item, StrainBall)]
+        balls = [(key, limit) for key, limit in limits if isinstance(limit, StrainBall)]
         if len(balls) > 1:
             raise InputError("has more than one StrainBall; use the smaller limit", balls[1][0])
         key, ball = balls[0] if balls else ("limits", StrainBall(Value(math.inf)))
         others = [
             limited
-            for key, item in limits
-            if item is not ball
-            for limited in item.on(points.for_key(key))
+            for key, limit in limits
+            if limit is not ball
+            for limited in limit.on(points.for_key(key))
         ]
         (of_ball,) = ball.on(points.for_key(key))
         limit = at_peaks = points.function()
@@ -328,9 +328,9 @@ class LimitsOnMesh:
 
 def _in_cells(group: Sequence[Placed]) -> Any:
     """The first limit of a group, with the values of all of them, each in its cells."""
-    first, values = group[0].given, {}
+    first, values = group[0].content, {}
     kind: type[StrainLimit] = type(first)
     for name in marked(kind, ScalarRule) if group[0].cells is not None else ():
-        parts = [Placed(getattr(p.given, name), p.key_of(name), p.cells) for p in group]
+        parts = [Placed(getattr(p.content, name), p.key_of(name), p.cells) for p in group]
         values[name] = Value(InCells(parts, _ELSEWHERE.get(name, 0.0)))
     return first.model_copy(update=values) if values else first

@@ -220,7 +220,7 @@ def adapt(
                 made.append(dmesh.meshtags(domain.mesh, dim, fresh.indices[tagged], marks))
         problem = make_problem(domain.mesh, *made)
         if problem.domain.mesh is not domain.mesh:
-            raise InputError("must return a problem on the mesh that it is given", "make_problem")
+            raise InputError("must return a problem on the mesh passed to it", "make_problem")
         with contextlib.closing(problem):
             return problem.solve()
 

@@ -194,7 +194,7 @@ class ProblemSolver:
         solution = solution_of(state, judged, derivatives)
         if judged is None or not (extras and extras.limit and solution.converged):
             return solution
-        measured = {"reason": "not measured in a process, whose earlier steps depend on n, too"}
+        measured = {"reason": "not measured in a process, whose earlier steps depend on n as well"}
         if criteria is None:
             measured = self._distance_to_limit(solution)
         errors = {**judged.errors, "penalty_measured": measured}
@@ -204,7 +204,7 @@ class ProblemSolver:
         """The distance to the solution for n = inf on the same mesh."""
         problem, system = self.problem, self.system
         if problem.data.own_energy is not None:
-            return {"reason": "not measured with your own energy"}
+            return {"reason": "not measured with a user-defined energy"}
         self.monitor.message("solving for n = .inf, to measure the distance")
         limit = dataclasses.replace(self.target, penalty=problem.penalty.inequality())
         with system.preserved():

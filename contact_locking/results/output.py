@@ -108,7 +108,7 @@ class Output(Concept):
     """The files with the results."""
 
     directory: Text = entry(
-        "results", "folder of the results; of a file without one results/ and the name of the file"
+        "results", "folder of the results; null: results/ and the name of the study file"
     )
     fields: Switch = entry(True, "whether to write the fields for ParaView")
     picture: Switch = entry(True, "whether to draw a picture")

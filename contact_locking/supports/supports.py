@@ -155,7 +155,7 @@ def _nodal_normals(
             where = domain.where(space.tabulate_dof_coordinates()[nodes[facet, place], :dim])
             raise InputError(
                 f"the boundary has an edge at {where}, where the normal jumps; give each side of "
-                "the edge a name and an entry of its own",
+                "the edge its own name and entry",
                 f"{support.key}.along",
             )
 

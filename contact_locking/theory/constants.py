@@ -64,7 +64,7 @@ def kappa(state: SolvedState, is_asked: bool) -> tuple[float, float]:
     require_coulomb(state)
     problem = state.problem
     if problem.data.own_energy is not None:
-        raise NotApplicable("the body has your own energy")
+        raise NotApplicable("the body has a user-defined energy")
     if problem.data.is_paired:
         raise NotApplicable("two bodies touch")
     require_held(state)
@@ -92,7 +92,7 @@ def require_coulomb(state: SolvedState) -> None:
             "forces decide where a foundation is, and the slip is relative to its unknown travel"
         )
     if not all(bound.is_coulomb for bound in bounds):
-        raise NotApplicable("the friction bound is the user's own")
+        raise NotApplicable("the friction bound is user-defined")
 
 
 def _constraints_of_lifts(state: SolvedState, rubbing: list[NodalContact]) -> Constraints:

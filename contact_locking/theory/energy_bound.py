@@ -121,7 +121,7 @@ def _require_applicable(state: SolvedState) -> None:
         raise NotApplicable("the solve did not converge")
     require_still_foundations(state)
     if problem.data.own_energy is not None:
-        raise NotApplicable("no proof covers the user's own energy")
+        raise NotApplicable("no proof covers a user-defined energy")
     if problem.data.eigenstrain is not None:
         raise NotApplicable("no proof covers an eigenstrain")
     if problem.data.springs:

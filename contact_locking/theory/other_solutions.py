@@ -32,8 +32,8 @@ from contact_locking.results.contact_points import OPEN
 
 UNIQUE = "covered by theory"
 OTHERS = "not unique"
-IF_CONVEX = "covered by theory if your own energy is convex"
-OWN_ENERGY = "not known: it depends on your own energy"
+IF_CONVEX = "covered by theory if the user-defined energy is convex"
+OWN_ENERGY = "not known: it depends on the user-defined energy"
 NOT_SOLVED = "not known: the solve did not converge"
 TOO_CLOSE = "not known: pressures within the accuracy of the solver decide"
 

@@ -204,8 +204,8 @@ def require_map(task: Task, key: str = "equilibria") -> None:
     """Raise InputError, for a key, where other equilibria cannot be searched; collective."""
     if not has_map(task):
         raise InputError(
-            "needs friction and a body that more than friction "
-            f"holds, and takes at most {_MOST_NODES} nodes with friction",
+            f"needs friction, a body that is not held by friction alone, and at most {_MOST_NODES} "
+            "nodes with friction",
             key,
         )
 

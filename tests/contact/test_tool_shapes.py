@@ -228,7 +228,7 @@ def test_heights_are_triangles_seen_from_above(tmp_path: Path, grid: FloatArray)
     [
         ("0,0\n1,0\n", None, "give spacing"),
         ("0,0,1\n1,0,nan\n", (1.0, 1.0), "1 of its numbers are not finite, the first in"),
-        ("1,2,3\n", (1.0, 1.0), "is no surface: its grid has 1 by 3 heights"),
+        ("1,2,3\n", (1.0, 1.0), "its grid has 1 by 3 heights"),
         ("1;2;3\n4;5;6\n", (1.0, 1.0), "cannot be read as rows of numbers"),
     ],
 )

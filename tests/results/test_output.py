@@ -63,7 +63,7 @@ def test_fields_are_written_without_loss(dim: int) -> None:
 def test_vtk_reads_the_fields_of_every_rank_at_every_time(
     make: Callable[[], StudySolution], folder: Path, comm: MPI.Intracomm
 ) -> None:
-    vtk = pytest.importorskip("vtkmodules.vtkIOHDF")
+    reader = pytest.importorskip("vtkmodules.vtkIOHDF").vtkHDFReader()
     numpy_support = pytest.importorskip("vtkmodules.util.numpy_support")
     solution, values = make(), []
     with writing.FieldSeries(folder, comm) as series:
@@ -74,7 +74,6 @@ def test_vtk_reads_the_fields_of_every_rank_at_every_time(
             values.append({f.name: comm.gather(fields.values_at_nodes(f)) or [] for f in functions})
         if comm.rank > 0:
             return
-        reader = vtk.vtkHDFReader()
         reader.SetFileName(str(series.path))
         reader.UpdateInformation()
         assert reader.GetNumberOfSteps() == 2

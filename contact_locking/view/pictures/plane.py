@@ -43,8 +43,8 @@ def draw_tractions(
     """
     lines = curves(facets)
     positions, label = abscissa([points.x[line] for line in lines], units)
-    hidden = ""
-    for s, line in zip(positions, lines, strict=True):
+    for number, (s, line) in enumerate(zip(positions, lines, strict=True)):
+        hidden = "_" if number else ""  # so that the legend has each name once
         bound, pressure = points.bound[line], points.pressure[line]
         friction = along(points.traction[line], points.x[line], s)
         name = hidden + r"friction bound $\pm\mu\,|R\sigma_\nu|$"
