@@ -257,7 +257,7 @@ def test_no_module_but_those_of_contacts_writes_to_a_contact_or_its_friction() -
 
 
 def test_no_module_writes_into_the_summary_of_a_solution() -> None:
-    """`Solution.telling` returns the solution with further entries."""
+    """`Solution.with_entries` returns the solution with further entries."""
     changing = re.compile(
         r"\.summary(\[[^]]*\])*\.(append|extend|insert|pop|setdefault|update|clear)\("
     )
