@@ -142,8 +142,7 @@ class ContactProblem:
             others=others,
             own_energy=energy,
         )
-        penalty = _penalty(n, compliance)
-        self._discrete = DiscreteProblem(body, contacts, penalty, Clock(space.mesh))
+        self._discrete = DiscreteProblem(body, contacts, _penalty(n, compliance), Clock(space.mesh))
         for contact in self._discrete.contacts:
             contact.require_friction()
         self._settings, self._monitor = settings or Settings(), monitor

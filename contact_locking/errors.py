@@ -117,13 +117,6 @@ def interrupt_behind(error: BaseException) -> BaseException | None:
     return None
 
 
-def raise_interrupt(error: BaseException) -> None:
-    """Raise the interruption again if ``error`` stands in its place."""
-    interrupt = interrupt_behind(error)
-    if interrupt is not None:
-        raise interrupt from None
-
-
 def raise_callback_error(error: Exception) -> None:
     """Raise the exception of a callback again if the ``error`` of a library stands in its place.
 
@@ -132,7 +125,8 @@ def raise_callback_error(error: Exception) -> None:
     # `--help` reports errors, too, and NumPy would take most of its time.
     from numpy.linalg import LinAlgError
 
-    raise_interrupt(error)
+    if (interrupt := interrupt_behind(error)) is not None:
+        raise interrupt from None
     cause = error.__cause__
     while cause is not None and type(cause) is type(error):
         cause = cause.__cause__

@@ -229,7 +229,8 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
 
 
 _SLIDING_ADVICE = (
-    "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
+    "Press the body more, lower the loads that move it, raise friction.coefficient, or hold it by "
+    "loads.displacements."
 )
 _ENTRY_ADVICE = (
     "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or use a rounder "

@@ -25,14 +25,14 @@ from contact_locking.solver.task import Counts, Outcome, SavedState, Target, Tas
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 BOUND_ADVICE = (
-    "If the friction bound does not settle, lower friction.coefficient or enlarge "
+    "If the friction bound does not settle, lower the loads or friction.coefficient, or enlarge "
     "friction.smoothing.radius."
 )
 # Less friction is no help for a body that friction holds.
 _HELD_BY_FRICTION = (
-    "Friction alone holds the body: if the loads need all of the friction there is, press the body "
-    "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
-    "bound does not settle, enlarge friction.smoothing.radius."
+    "Friction alone holds the body: if the loads need all of the friction there is, lower them, "
+    "press the body more, raise friction.coefficient, or hold the body by loads.displacements.  If "
+    "the friction bound does not settle, enlarge friction.smoothing.radius."
 )
 _VERGE_ADVICE = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
