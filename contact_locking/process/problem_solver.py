@@ -29,7 +29,7 @@ from contact_locking.results.derived import BodyFields, Contacts, gather_contact
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
-from contact_locking.solver.ksp import UserOptions, chosen
+from contact_locking.solver.ksp import UserOptions, is_direct
 from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import Reasons, Verdict
@@ -225,7 +225,7 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     """``linear``, with auto replaced by the choice for this body; collective."""
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
-    return chosen(linear, domain.dim, compact)
+    return "direct" if is_direct(linear, domain.dim, compact) else "iterative"
 
 
 _SLIDING_ADVICE = (

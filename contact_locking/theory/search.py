@@ -60,10 +60,10 @@ def has_map(task: Task) -> bool:
 
 def sharpened(task: Task) -> Task:
     """The task with the settings that values of the map need."""
-    return task.with_settings(
-        tolerance=_SHARPER * task.settings.tolerance,
-        max_iterations=_LONGER * task.settings.max_iterations,
-    )
+    settings = task.settings
+    sharper, longer = _SHARPER * settings.tolerance, _LONGER * settings.max_iterations
+    settings = settings.model_copy(update={"tolerance": sharper, "max_iterations": longer})
+    return replace(task, settings=settings)
 
 
 def solved_from(task: Task, value: Outcome) -> Outcome:
