@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
+import gc
 import os
 import re
 import sys
@@ -194,8 +195,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             return terminal.abort(UNEXPECTED, text, error)
         return terminal.abort(UNEXPECTED, f"{text}\n{hint}")
     terminal.leave_together()
-    if output is not None and output.refused and code == 0:
-        code = UNEXPECTED
+    if output is not None:
+        # Python would look through all objects several times before the process ends.
+        gc.freeze()
+        code = UNEXPECTED if output.refused and code == 0 else code
     return code
 
 
