@@ -28,7 +28,6 @@ class Balls(LorentzCones):
 
     limit: FloatArray
     compliance: float
-    _yielding: float
     _share: FloatArray
 
     def reactions_of(self, z: FloatArray) -> FloatArray:
@@ -51,7 +50,7 @@ class Balls(LorentzCones):
     def linearise(self) -> None:
         self._gap = self.primal_gap()
         scaling = self._scaling = Scaling.of(self.x, self.z)
-        kappa = self._yielding = max(self.compliance, self.softness)
+        kappa = self.compliance
         square, w_0 = scaling.eta**2, scaling.w[0]
         self.a = np.reciprocal(square)
         self._share = np.reciprocal(1.0 + kappa * (2.0 * w_0**2 - 1.0) * self.a)
@@ -74,11 +73,11 @@ class Balls(LorentzCones):
     def step(self, seen: FloatArray) -> Step:
         d_rest = self._gap[1:] + seen
         dz = self._dual_step(d_rest)
-        return Step(np.vstack([self._gap[0] + self._yielding * dz[0], d_rest]), dz)
+        return Step(np.vstack([self._gap[0] + self.compliance * dz[0], d_rest]), dz)
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
         """``dz = b - W^-2 dx`` with ``dx_0 = yielding dz_0 + gap_0`` eliminated."""
-        w, a, kappa = self._scaling.w, self._scaling.eta**-2, self._yielding
+        w, a, kappa = self._scaling.w, self._scaling.eta**-2, self.compliance
         w_0, w_rest, gap_0, aim_0 = w[0], dot(w[1:], d_rest), self._gap[0], self._aim[0]
         h_00, share = (2.0 * w_0**2 - 1.0) * a, self._share
         # For a large compliance w_0 dx_0 and w_rest nearly cancel, so that their sum is computed.

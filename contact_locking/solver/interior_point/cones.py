@@ -204,9 +204,6 @@ class PointCones(Cone):
     x: FloatArray
     z: FloatArray
     seen: FloatArray
-    #: The least compliance of a step, usually 0.  It does not change the solution, because it acts
-    #: on the step of the multipliers, which vanishes in the end.
-    softness: float = 0.0
 
     @property
     def measure(self) -> float:  # type: ignore[override]

@@ -17,7 +17,6 @@ class HalfLines(PointCones):
     limit: FloatArray
     compliance: float
     stiffness: FloatArray
-    _yielding: float
     _missing: FloatArray
     _gap: FloatArray
 
@@ -42,8 +41,7 @@ class HalfLines(PointCones):
 
     def linearise(self) -> None:
         self._gap = self.primal_gap()
-        self._yielding = max(self.compliance, self.softness)
-        self.stiffness = self.z / (self.x + self._yielding * self.z)
+        self.stiffness = self.z / (self.x + self.compliance * self.z)
 
     def hold(self, stiffness: float | FloatArray) -> None:
         self.stiffness = np.full(len(self.weights), stiffness)
@@ -67,10 +65,10 @@ class HalfLines(PointCones):
 
     def step(self, seen: FloatArray) -> Step:
         dz = self._dual_step(self._gap - seen)
-        return Step(self._yielding * dz - seen + self._gap, dz)
+        return Step(self.compliance * dz - seen + self._gap, dz)
 
     def _dual_step(self, d_rest: FloatArray) -> FloatArray:
-        return (self._missing - self.z * d_rest) / (self.x + self._yielding * self.z)
+        return (self._missing - self.z * d_rest) / (self.x + self.compliance * self.z)
 
     def correction(self, step: Step) -> FloatArray:
         return step.primal * step.dual

@@ -118,11 +118,6 @@ class Iterate:
         arrays = [values for family in self.families for values in (family.x, family.z)]
         return on_every_rank(self.comm, all(bool(np.isfinite(each).all()) for each in arrays))
 
-    def soften(self, softness: float) -> None:
-        """Let steps have at least the compliance ``softness``, a strain over a stress."""
-        for family in self.families:
-            family.softness = softness * family.scale
-
     def linearise(self) -> None:
         """Assemble the tangent at the present iterate."""
         self.cones.linearise()

@@ -11,8 +11,6 @@ more than one with known bounds.
 2. Measure equilibrium, laws, duality gap and friction bound (:mod:`judge`).  Stop at the
    tolerances, or with a proof that nothing is admissible (:mod:`judge`).  A penalised solution
    that the pieces of the laws will not finish goes on until each locking stress keeps its law.
-   If rounding unbalances the forces, or makes the tangent of 3 singular, the next steps have a
-   bounded stiffness.
 3. Linearise: scale each cone by Nesterov and Todd (doi:10.1287/moor.22.1.1), eliminate it, and
    assemble and factorise the tangent.  Everything up to 8 uses that factorisation.
 4. Predictor: the direction towards products of zero; it predicts the step of the friction bound.
@@ -31,13 +29,12 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from petsc4py import PETSc
 
 from contact_locking.arrays import FloatArray
-from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
+from contact_locking.errors import Infeasible, NotConverged
 from contact_locking.solver.interior_point.active_set import FAILURE, ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw
-from contact_locking.solver.interior_point.family import Direction, Reactions
+from contact_locking.solver.interior_point.family import Reactions
 from contact_locking.solver.interior_point.iterate import Iterate, families_of
 from contact_locking.solver.interior_point.judge import Judge, Measures, excluded_factor
 from contact_locking.solver.interior_point.search import Search
@@ -210,7 +207,6 @@ class InteriorPoint:
         """Iterate to the tolerances, and return the duality gap."""
         task, settings = self._task, self._task.settings
         self._judge.friction_change, self._first = 0.0, None
-        self._expected = self._stiffest = math.inf
         self._crawled, self._gap = 0, 0.0
         self._pieces, self._is_from_saved, self.is_elastic = None, False, False
         with linear_failures():
@@ -255,9 +251,6 @@ class InteriorPoint:
                 raise NotConverged(
                     f"{patience} interior point iterations made no progress ({measures})"
                 )
-            unbalanced = max(settings.tolerance, tuning.rounded * self._expected)
-            if self._tangent.direct is not None and measures.equilibrium > unbalanced:
-                self._bound_stiffness()
             if iteration == limit:
                 self.require_feasible()
                 raise NotConverged(
@@ -316,7 +309,6 @@ class InteriorPoint:
                 # Remove the springs of the elastic start, unless only they hold the body.
                 bound.friction.hold(0.0)
         self._iterate = Iterate(tangent)
-        self._iterate.soften(0.0)
         self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
         settings, predicts = task.settings, self._approach.trusts_newton
         self._search = Search(self._iterate, self._moving, tuning, settings, predicts)
@@ -367,12 +359,6 @@ class InteriorPoint:
             self._first = size, first_primal
             self.require_feasible()
 
-    def _bound_stiffness(self) -> None:
-        """Lower the bound on the stiffness of steps, which the rounding in forces grows with."""
-        least, most = self._tuning.stiffest
-        self._stiffest = min(max(0.1 * self._stiffest, least), most)
-        self._iterate.soften(1.0 / (self._stiffest * self._task.target.stiffness))
-
     # 3 to 9. One iteration.
 
     def _step(self, measures: Measures) -> bool:
@@ -380,33 +366,19 @@ class InteriorPoint:
         for bound in self._moving:
             bound.friction.growth = np.maximum(bound.slope(), 0.0)
         with linear_failures():
-            direction, t = self._searched(measures)
+            self._iterate.linearise()
+            self._task.counts.tangents += 1
+            direction, t = self._search.step(measures)
             t = self._tangent.trusted(t, direction.displacement)
         # Many short steps with moving friction bounds end this approach; another one may succeed.
         self._crawled = self._crawled + 1 if self._moving and t < self._tuning.short else 0
         if not t > self._tuning.shortest or self._crawled > self._tuning.short_steps:
             return False
         self._iterate.advance(t, direction)
-        # The residual that the step should leave, unless the friction bounds are set anew.
-        self._expected = (1.0 - t) * measures.equilibrium if self._tangent.is_linear else math.inf
         if self._moving:
             self._follow(t)
             self._task.counts.updates += 1
         return True
-
-    def _searched(self, measures: Measures) -> tuple[Direction, float]:
-        """A direction and its length, with softer steps while the tangent is singular."""
-        while True:
-            try:
-                self._iterate.linearise()
-                self._task.counts.tangents += 1
-                return self._search.step(measures)
-            except PETSc.Error as error:
-                raise_callback_error(error)
-                least = self._tuning.stiffest[0]
-                if self._tangent.direct is None or self._stiffest <= least:
-                    raise
-                self._bound_stiffness()
 
     def _follow(self, t: float) -> None:
         """Measure how far the friction bounds are from ``mu |R p|`` after a step of length t.
@@ -423,7 +395,6 @@ class InteriorPoint:
         came_closer = self._judge.friction_change <= close_enough
         self._task.system.bounds.set([item.contact for item in moving], used)
         if not (came_closer and self._approach.trusts_newton):
-            self._expected = math.inf
             for bound, values in zip(moving, by_law, strict=True):
                 bound.set(values)
                 bound.friction.set_bound(bound.friction.nodes.of_all(values))

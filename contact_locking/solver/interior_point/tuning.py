@@ -179,12 +179,6 @@ class Tuning:
     #: elastic energy at the start.
     locking_share: float = 1e-2
     least_energy: float = 1e-18
-    #: With a direct linear solver, unbalanced forces above this multiple of the expected residual
-    #: are rounding, and so is a singular tangent.
-    rounded: float = 10.0
-    #: The stiffness of steps is then bounded by the second of these factors times the material's,
-    #: and if that does not help by a tenth, down to the first.  Softer steps take more tangents.
-    stiffest: tuple[float, float] = (1e7, 1e11)
     #: A proof of infeasibility is tried if multipliers have grown by the first factor while the
     #: residual of the laws is at least the second share of its first value.
     diverged: float = 1e2
