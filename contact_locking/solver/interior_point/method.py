@@ -421,7 +421,7 @@ class InteriorPoint:
         if t >= tuning.bound_led:
             close_enough = max(close_enough, tuning.bound_close)
         came_closer = self._judge.friction_change <= close_enough
-        self._task.system.bounds.set([item.contact for item in moving], used)
+        self._task.system.bounds.set([bound.contact for bound in moving], used)
         if not (came_closer and self._approach.trusts_newton):
             self._expected = math.inf
             for bound, values in zip(moving, by_law, strict=True):
