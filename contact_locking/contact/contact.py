@@ -49,7 +49,6 @@ from contact_locking.values.kinds import (
 from contact_locking.values.value import Value, show, vector_at
 
 if TYPE_CHECKING:
-    pass
     from contact_locking.contact.coulomb import FrictionBound, Smoothing
     from contact_locking.contact.surface import ContactSurface
 

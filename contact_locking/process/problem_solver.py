@@ -39,7 +39,7 @@ from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import Reasons, Verdict
 from contact_locking.solver.strategy import solve as solve_system
-from contact_locking.solver.task import Outcome, SavedState, Target, Task
+from contact_locking.solver.task import Multipliers, Outcome, SavedState, Target, Task
 
 # The most solves with bodies paired anew; usually the pairing stays after one to three.
 _MOST_FRAMES = 8
@@ -116,27 +116,32 @@ class ProblemSolver:
 
         if self._method == "penalty":
             return penalty_method.solve(task(), saved)
-        report = solve_system(task(), saved)
+        report, before = solve_system(task(), saved), None
         for _ in range(_MOST_FRAMES):
-            start = self._next_start(report) if report.converged else None
+            start = self._next_start(report, before) if report.converged else None
             if start is None:
                 break
-            report = solve_system(task(), start).after(report)
+            before, report = report.multipliers, solve_system(task(), start).after(report)
             if report.failure == Infeasible.code:
                 # The proof is for one pairing of the bodies only.
                 reason = f"{_APART}: {report.reason}"
                 report = dataclasses.replace(report, failure=NotConverged.code, reason=reason)
         else:
             unsettled = Finding("contact.unsettled", solves=_MOST_FRAMES)
-            report = dataclasses.replace(report, warnings=[*report.warnings, unsettled])
+            return dataclasses.replace(report, warnings=[*report.warnings, unsettled])
         return report
 
-    def _next_start(self, report: Outcome) -> SavedState | None:
-        """Pair the bodies anew at the solution; the state to go on from, None if none changed."""
+    def _next_start(self, report: Outcome, before: Multipliers | None) -> SavedState | None:
+        """Pair the bodies anew at the solution; the state to go on from, None if none changed.
+
+        ``before`` are the multipliers for the previous pairing.
+        """
         problem, system = self.problem, self.system
         assert report.multipliers is not None
-        touching = [forces.touches for forces in report.multipliers.contacts]
-        if not problem.update_pairs(touching):
+        forces = report.multipliers.contacts
+        pairs = zip(forces, (before or report.multipliers).contacts, strict=True)
+        settled = [before is not None and now.is_near(then, system.comm) for now, then in pairs]
+        if not problem.update_pairs([each.touches for each in forces], settled):
             return None
         return SavedState(
             problem.u.x.array.copy(),
