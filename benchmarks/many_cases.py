@@ -12,8 +12,6 @@ that of an idle machine only; the CPU time is less disturbed.
 from __future__ import annotations
 
 import argparse
-import contextlib
-import ctypes
 import json
 import os
 import resource
@@ -36,7 +34,6 @@ study:
     penalty.n: {{geometric: [1.0e2, 1.0e6, 4]}}
 output: {{directory: results, fields: {files}, picture: {files}}}
 """
-_SET_CHILD_SUBREAPER = 36
 COMMAND = (sys.executable, "-m", "contact_locking", "study", "study.yml", "--jobs")
 
 
@@ -49,9 +46,6 @@ def measure(cases: int, jobs: int, files: bool) -> str:
         before, began = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
         subprocess.run([*COMMAND, str(jobs)], cwd=folder, check=True, stdout=subprocess.DEVNULL)
         wall = time.perf_counter() - began
-        with contextlib.suppress(ChildProcessError):
-            while True:
-                os.wait()
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         lines = (folder / "results" / "table.jsonl").read_text(encoding="utf-8").splitlines()
     rows = [json.loads(line) for line in lines]
@@ -67,9 +61,6 @@ def measure(cases: int, jobs: int, files: bool) -> str:
 
 def main() -> None:
     """Print a table in Markdown."""
-    # The processes that solve outlive the study a little; their CPU time counts once they are
-    # waited for, which Linux lets a "subreaper" do.
-    ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1)
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=200, help="a multiple of 4")
     parser.add_argument("--jobs", type=int, default=1, help="cases at a time")

@@ -36,7 +36,7 @@ def measured(dim: int, h: float) -> str:
     began = time.process_time()
     ContactSurface(body.domain, body.space, contact.on, element=body.element)
     alone = time.process_time() - began
-    PairedSurface(body.domain, body.space, contact.given, body.element)
+    PairedSurface(body.domain, body.space, contact.concept, body.element)
     paired = time.process_time() - began - 2.0 * alone
     clock = Stopwatch()
     solution = solve(given, monitor=clock)

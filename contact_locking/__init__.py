@@ -1,6 +1,6 @@
 """Frictional contact of locking materials on DOLFINx.
 
-On a mesh, a space and forms of your own:
+With your own mesh and forms:
 
     import contact_locking as cl
     problem = cl.ContactProblem(a, L, bcs, [cl.StrainBall(0.02)], [cl.Contact(facets, plane)])
@@ -10,7 +10,7 @@ From a study file:
 
     solution = cl.solve(cl.load("demos/block.yml").parameters)
 
-Names are imported when they are first used: what needs no DOLFINx works without it.
+Names are imported on first use, so that reading study files does not need DOLFINx.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ __all__ = sorted(_HOME)
 
 
 def __getattr__(name: str) -> Any:
-    # A further shape or limit of the strain needs no row here, nor does a second name.
+    # New shapes and strain limits, and second names such as StudySolution, need no row above.
     further = ("shapes.analytic", "laws.limits", "results.solution") if name[:1].isupper() else ()
     for home in [_HOME[name]] if name in _HOME else further:
         module = importlib.import_module(f"{__name__}.{home}")

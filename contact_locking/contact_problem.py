@@ -75,6 +75,7 @@ class ContactProblem:
     - ``n``, ``compliance``: penalties, a stress and a length over a stress (None: 1/n)
     - ``energy``: maps u to a convex and differentiable functional, which is added to the energy
     - ``axisymmetric``: the mesh is the half section (r, z) of a body of revolution
+    - ``settings``, ``monitor``: of the solver, and what receives its progress
 
     Make the problem once; each solve reads the present values of the constants and functions in
     the data.  Constructor and methods are collective and raise InputError for unusable data.
@@ -141,8 +142,7 @@ class ContactProblem:
             others=others,
             own_energy=energy,
         )
-        penalty = _penalty(n, compliance)
-        self._discrete = DiscreteProblem(body, contacts, penalty, Clock(space.mesh))
+        self._discrete = DiscreteProblem(body, contacts, _penalty(n, compliance), Clock(space.mesh))
         for contact in self._discrete.contacts:
             contact.require_friction()
         self._settings, self._monitor = settings or Settings(), monitor
@@ -152,8 +152,8 @@ class ContactProblem:
 
     @cached_property
     def solver(self) -> ProblemSolver:
-        """The solver of the problem, for code that drives the solve itself."""
-        # Solvers and certificate are half of the package, and no problem needs them to be stated.
+        """The solver of the problem, for drivers such as :class:`Process`."""
+        # Solvers and certificate are half of the package; stating a problem does not need them.
         from contact_locking.process.problem_solver import ProblemSolver
 
         return ProblemSolver(self._discrete, self._settings, self._monitor)
@@ -200,7 +200,7 @@ class ContactProblem:
         return self.solver.solve(previous.state.saved if previous else None)
 
     def solution(self, state: SolvedState, criteria: Mapping[str, Criterion]) -> Solution:
-        """The solution in a state of ``solver``, judged by additional ``criteria`` too."""
+        """The solution in a state of ``solver``, which must meet these ``criteria`` as well."""
         return self.solver.solution(state, criteria)
 
     def begin(self, after: Solution | None = None) -> None:
@@ -209,9 +209,8 @@ class ContactProblem:
         problem = self._discrete
         memories = problem.at_rest()
         if after is not None:
-            pair = after.state.contacts, memories
-            sizes = [[len(memory.slip) for memory in each] for each in pair]
-            if on_any_rank(self.domain.comm, sizes[0] != sizes[1]):
+            sizes, others = ([len(m.slip) for m in x] for x in (memories, after.state.contacts))
+            if on_any_rank(self.domain.comm, sizes != others):
                 raise InputError("is a solution with other contacts or on another mesh", "after")
             memories = after.state.contacts
         problem.set_memory(memories)

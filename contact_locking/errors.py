@@ -117,13 +117,6 @@ def interrupt_behind(error: BaseException) -> BaseException | None:
     return None
 
 
-def raise_interrupt(error: BaseException) -> None:
-    """Raise the interruption again if ``error`` stands in its place."""
-    interrupt = interrupt_behind(error)
-    if interrupt is not None:
-        raise interrupt from None
-
-
 def raise_callback_error(error: Exception) -> None:
     """Raise the exception of a callback again if the ``error`` of a library stands in its place.
 
@@ -132,7 +125,8 @@ def raise_callback_error(error: Exception) -> None:
     # `--help` reports errors, too, and NumPy would take most of its time.
     from numpy.linalg import LinAlgError
 
-    raise_interrupt(error)
+    if (interrupt := interrupt_behind(error)) is not None:
+        raise interrupt from None
     cause = error.__cause__
     while cause is not None and type(cause) is type(error):
         cause = cause.__cause__
@@ -152,22 +146,22 @@ def tells_of_full_disk(text: str) -> bool:
 
 
 def not_written(
-    what: str, error: OSError, place: str | Path, key: str | None = None, more: str = ""
+    what: str, error: OSError, place: str | Path, key: str | None = None, advice: str = ""
 ) -> ContactLockingError:
     """The error with the message ``what``, the reason of the system, and the file or ``place``.
 
-    A full disk gives NoRoom and not InputError, because the input is right; ``more`` then replaces
-    the advice to make room.
+    A full disk gives NoRoom and not InputError, because the input is right; ``advice`` is then what
+    to do, in place of making room.
     """
     message = f"{what}: {error.strerror or error} ({error.filename or place})"
     if is_full(error):
-        return NoRoom(f"{message}\n{more or MAKE_ROOM}")
+        return NoRoom(f"{message}\n{advice or MAKE_ROOM}")
     return InputError(f"{message}; give a folder that can be written to", key)
 
 
 @contextlib.contextmanager
 def explained(
-    what: str, place: str | Path, key: str | None = None, more: str = ""
+    what: str, place: str | Path, key: str | None = None, advice: str = ""
 ) -> Iterator[None]:
     """Raise the error of `not_written` in place of an OSError of the block."""
     try:
@@ -175,13 +169,13 @@ def explained(
     except BrokenPipeError:
         raise  # The reader of the output has gone; no file is concerned.
     except OSError as error:
-        raise not_written(what, error, place, key, more) from error
+        raise not_written(what, error, place, key, advice) from error
 
 
-def require_kind(value: object, kind: type[Any] | UnionType, wanted: str, key: str) -> None:
-    """Raise InputError for a ``value`` of another kind than the one in words, ``wanted``."""
+def require_kind(value: object, kind: type[Any] | UnionType, description: str, key: str) -> None:
+    """Raise InputError unless ``value`` is of a kind, whose ``description`` is in words."""
     if not isinstance(value, kind):
-        raise InputError(f"must be {wanted}, not {type(value).__name__}", key)
+        raise InputError(f"must be {description}, not {type(value).__name__}", key)
 
 
 def with_key(key: str, work: Callable[[], T]) -> T:

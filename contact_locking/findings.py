@@ -7,8 +7,8 @@ from typing import Any
 
 #: The texts by code.  A text about a key begins with it.
 TEXTS = {
-    "mesh.second_order": "has cells of second order, of which only the corners are used: their "
-    "sides are straight",
+    "mesh.second_order": "has second-order cells, of which only the corners are used: sides are "
+    "straight",
     "mesh.other_elements": "has elements of other kinds, which are ignored: {elements}",
     "mesh.empty_sets": "these sets have no facet on the boundary: {names}",
     "mesh.thin_cells": "{count} cells are nearly collapsed, such as {cell}: a {kind} as thin as "
@@ -24,8 +24,8 @@ TEXTS = {
     "foundation.open": "{file}: the surface is open: {count} edges belong to one triangle only; "
     "the tool is behind the triangles, and the body must not reach around the rim",
     "foundation.double_corners": "{count} corners are repeated",
-    "foundation.turned": "the order is that of a die around the body, but the body is not in the "
-    "hole; the other side is used: {advice}",
+    "foundation.turned": "the outline is in the order of a die around the body, but the body is "
+    "not in the hole; the other side is used: {advice}",
     "foundation.right_angles": "the surface of the foundation is perpendicular to Gamma_C "
     "everywhere, so that it cannot press; turn it, or name a boundary part that faces the "
     "foundation",
@@ -58,12 +58,12 @@ TEXTS = {
     "rotation.large": "the body rotates by {angle:.2g} rad near ({place}), and this theory is for "
     "small rotations: it neglects strains of {neglected:.2g}, half of the square, while the "
     "largest strain is {strain:.2g}; use a smaller load, or a program for large rotations",
-    "limit.exceeded": "the strain exceeds its limit by up to {per_cent:.0f} %: penalty.n: "
-    "{n:.1e} reduces this to about {aim:.0f} %, and .inf to nothing; if not, no displacement on "
-    "this mesh within the limit has the prescribed values, which .inf would report",
+    "limit.exceeded": "the strain exceeds its limit by up to {per_cent:.0f} %: penalty.n: {n:.1e} "
+    "reduces this to about {aim:.0f} %, and .inf removes it, or reports that no displacement on "
+    "this mesh within the limit has the prescribed values",
     "limit.exceeded_far": "the strain is up to {times:.3g} times its limit: penalty.n: {n:.1e} "
-    "reduces the excess to about {aim:.0f} %, and .inf to nothing; if not, no displacement on this "
-    "mesh within the limit has the prescribed values, which .inf would report",
+    "reduces the excess to about {aim:.0f} %, and .inf removes it, or reports that no displacement "
+    "on this mesh within the limit has the prescribed values",
     "limit.between_points": "the strain is up to {per_cent:.0f} % of its limit between the points "
     "of a cell where the element enforces it; a finer mesh brings this nearer to 100 %",
     "steps.halved": "the step to t = {time:.6g} {failure}; it is halved",
@@ -99,7 +99,7 @@ TEXTS = {
     "adapt.stopped": "adapt.tolerance was not reached: {reason}",
     "contact.penetration": "the body enters the foundation by {per_cent:.0f} % of its largest "
     "displacement: {parameter}: {value:.1e} reduces this to about {aim:.0f} %, and penalty.n: .inf "
-    "without an epsilon to nothing",
+    "without penalty.epsilon removes it",
 }
 
 

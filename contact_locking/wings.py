@@ -26,7 +26,7 @@ class Seam:
     def add(self, function: str, when: Callable[..., bool] = lambda *_: True) -> None:
         """Add ``"module:name"``, imported when it is called; None unless ``when`` is true."""
         self._functions.append(
-            lambda *given: pkgutil.resolve_name(function)(*given) if when(*given) else None
+            lambda *args: pkgutil.resolve_name(function)(*args) if when(*args) else None
         )
 
     def __iter__(self) -> Iterator[Callable[..., Any]]:

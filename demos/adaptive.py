@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Adaptive meshes
+# # Where must a mesh be fine for an error of 1 %?
 #
 # The block of `block.yml` with quadratic displacements. The section `adapt` of the study file asks
 # for a relative error of 1 % in the energy norm, by the estimate of the certificate:

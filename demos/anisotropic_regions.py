@@ -1,5 +1,5 @@
 # %% [markdown]
-# # An anisotropic body with regions
+# # Where does a composite with fibres lock around a stiff disc?
 #
 # A block reinforced by fibres at 30 degrees to the $x$ axis holds a stiff disc. The fibre
 # composite locks, the disc does not. A rigid plate, glued to the top, presses the block on the

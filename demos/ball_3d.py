@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A ball pressed and pushed on a plane
+# # Where does a ball stick that is pushed along a plane?
 #
 # Half of an elastic ball is pressed on a rigid plane, and pushed along it by less than friction
 # can hold. In the plane's frictionless contact Hertz found, for the approach $d$,

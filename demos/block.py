@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A locking block in frictional contact
+# # Where does a pressed block lock, stick and slip?
 #
 # A square block is clamped on its left side $\Gamma_D$. Its top is pressed, most near the clamp,
 # and its right side is lifted. Below it lies a rigid foundation: on the bottom $\Gamma_C$ the

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # The block in three dimensions
+# # Which way does a block slip in three dimensions?
 #
 # The block of `block.py` with a depth: clamped on the left, pressed on the top, lifted on the
 # right and now also drawn aside there, along $y$. Only the dimension of the formulation changes.

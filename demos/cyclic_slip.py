@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Cyclic partial slip
+# # How much work does friction dissipate in a cycle?
 #
 # A block is pressed onto a cylinder and moved to and fro. Friction holds the middle of the contact
 # and lets its edges slip. The force depends on the way and not only on the place: the force over

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Limits along directions: a fabric, straight and on the bias
+# # Why does a fabric give on the bias and not along its threads?
 #
 # The threads of a fabric are crimped. A small stretch only straightens them; then they resist any
 # further stretch, and under pressure they buckle and do nothing. Along the unit vector $a$ of its

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # E, M and μ from a measured curve
+# # Which E, M and μ does a measured curve show?
 #
 # A steel cylinder is pressed into a pad of foam and dragged along it. A CSV file has the two
 # forces of the testing machine over the time:

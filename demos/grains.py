@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Jammed grains under a piston
+# # How do forty grains that lock carry a piston?
 #
 # Forty discs lie in a box, and a piston presses them. Each disc is an elastic body with a limit of
 # the strain, and touches its neighbours with friction. The parts of all discs have one name, which

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A gripper that holds by friction
+# # Can two fingers hold a soft body by friction alone?
 #
 # Two fingers grip a soft body. A force pushes each finger; how far the finger travels is unknown
 # and comes out. The forces grow first, and then the weight of the body comes, which friction holds:

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Hertz: a cylinder on a rigid plane
+# # How wide is the contact of a cylinder on a plane, and what did Hertz say?
 #
 # This is the oldest contact problem with a known solution. A long elastic cylinder of radius $R$
 # lies on a rigid plane and is pressed on it by the force $F$ per unit length. Hertz replaced the

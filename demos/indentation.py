@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Indentation: a ball, a layer, and half a section of both
+# # How hard must one press a ball into a layer that locks?
 #
 # A rigid ball is pressed into a layer. Everything is symmetric about the axis of the ball, so that
 # the half section of the layer is enough:

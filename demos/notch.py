@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A notch: a limit beside a softer law
+# # How large is the strain at a sharp notch?
 #
 # A plate with two sharp notches is pulled apart. In an elastic plate the strain at the tips has no
 # bound: every finer mesh shows a larger one. A body that locks has the bound M. Where the strain

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A ring pressed on a ring
+# # How hard does a ring sit on a ring that is too large for it?
 #
 # Two elastic bodies touch each other. Each has a mesh of its own, and the meshes do not match on
 # the circle where they meet. In the study file the contact names both sides:

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A tool from an STL file
+# # How hard do packed grains resist a pestle from an STL file?
 #
 # A pestle is pressed into a box of packed grains and lifted again. Grains that touch each other
 # cannot be packed closer, but they may come apart: the volume shrinks by 2 % at most and may grow.

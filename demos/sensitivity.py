@@ -1,5 +1,5 @@
 # %% [markdown]
-# # What matters for the holding force of a gripper
+# # Which number matters most for the force of a gripper?
 #
 # Two fingers grip a soft body by a force, and its lower side is pulled down. The force that holds
 # it then is a result. A section of the study file asks how it changes with other numbers:

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Friction that weakens with slip
+# # What if friction weakens as the surfaces slide?
 #
 # In many materials friction falls as surfaces begin to slide. The coefficient may depend on the
 # slip $s = |u_\tau|$; here it falls from $\mu_0$ to $\mu_1$ over a slip of about $s_0$:

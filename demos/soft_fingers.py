@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Two soft fingers hold a ball
+# # Can two soft fingers carry a soft ball?
 #
 # The roots of two fingers move inwards, and the fingers bend around a softer ball. Then the weight
 # of the ball comes, which friction alone bears. All three bodies have a limit of the strain. The

@@ -1,10 +1,10 @@
 # %% [markdown]
-# # A plate that slides: SSNV128
+# # How far does the plate of SSNV128 slip, and what do other codes say?
 #
-# Codes for contact are compared by this test of code_aster's validation manual. A plate of 40 mm
-# lies on a rigid floor with the friction coefficient 1 and leans on a frictionless wall on its
-# right. A pressure presses the plate down, and three times this pressure pushes the plate from the
-# left. Near the left corner the plate slips; the slip has reference values at four points.
+# Codes for contact are compared by SSNV128, a test of code_aster's validation manual. A plate of
+# 40 mm lies on a rigid floor with the friction coefficient 1 and leans on a frictionless wall on
+# its right. A pressure presses the plate down, and three times this pressure pushes the plate from
+# the left. Near the left corner the plate slips; the slip has reference values at four points.
 #
 # Other codes reach the answer with augmented Lagrangian or penalty methods, by steps of the load.
 # Here the study file is solved in one step, without a penalty, and nothing has to be tuned.

@@ -1,5 +1,5 @@
 # %% [markdown]
-# # A law of your own: tissue that stiffens
+# # How do I add a law of my own, such as tissue that stiffens?
 #
 # A body that locks is elastic up to its limit and yields no more beyond it. Many tissues stiffen
 # gradually instead. A simple energy for that is

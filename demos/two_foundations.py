@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Two foundations
+# # How does a block rest between a floor and a wall?
 #
 # A block stands on a floor and is pushed against a round wall. Nothing else holds the block: no
 # displacement is prescribed. In the study file, `contact` is a list with a section for each

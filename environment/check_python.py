@@ -10,7 +10,7 @@ from importlib.util import find_spec
 OLDEST_DOLFINX = (0, 9)
 NEEDED = (
     *("petsc4py", "mpi4py", "gmsh", "numpy", "scipy"),
-    *("pydantic", "ruamel.yaml", "rich", "jinja2", "matplotlib"),
+    *("pydantic", "ruamel.yaml", "h5py", "jinja2", "matplotlib"),
 )
 
 

@@ -42,8 +42,8 @@ class Box(Geometry):
         self, name: str, default: tuple[float, ...], check: Callable[[str, Any], float]
     ) -> None:
         """Give a list of numbers that is empty its default, and check each number."""
-        given = default if getattr(self, name) in (None, (), []) else getattr(self, name)
-        numbers = tuple(check(name, x) for x in vector(name, given, len(default)))
+        values = default if getattr(self, name) in (None, (), []) else getattr(self, name)
+        numbers = tuple(check(name, x) for x in vector(name, values, len(default)))
         object.__setattr__(self, name, numbers)
 
     @property

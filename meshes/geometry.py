@@ -44,9 +44,9 @@ class Curved:
         if self.level:
             offset[:, -1] = 0.0
         lengths = np.linalg.norm(offset, axis=1)
-        there = self.centre + offset * (self.radius / lengths)[:, None]
-        moved = np.linalg.norm(there - points[nodes], axis=1) > _ON * self.radius
-        points[nodes[moved]] = there[moved]
+        on_curve = self.centre + offset * (self.radius / lengths)[:, None]
+        moved = np.linalg.norm(on_curve - points[nodes], axis=1) > _ON * self.radius
+        points[nodes[moved]] = on_curve[moved]
 
 
 def rounded(
@@ -311,11 +311,11 @@ class Geometry(ABC):
         """Let no element of the second region be larger than ``size``, beside :meth:`set_sizes`."""
         fields = model.mesh.field
         (region,) = model.getEntitiesForPhysicalGroup(self.dim, 2)
-        given = max(fields.list())
-        own, both = fields.add("Constant"), fields.add("Min")
-        fields.setNumbers(own, "SurfacesList" if self.dim == 2 else "VolumesList", [region])
-        fields.setNumber(own, "VIn", size)
-        fields.setNumbers(both, "FieldsList", [given, own])
+        present = max(fields.list())
+        in_second, both = fields.add("Constant"), fields.add("Min")
+        fields.setNumbers(in_second, "SurfacesList" if self.dim == 2 else "VolumesList", [region])
+        fields.setNumber(in_second, "VIn", size)
+        fields.setNumbers(both, "FieldsList", [present, in_second])
         fields.setAsBackgroundMesh(both)
 
     def at(self, coordinate: float, plane: float) -> bool:

@@ -93,29 +93,29 @@ def _packing(count: int, spread: float, width: float, gap: float, seed: int) -> 
 def _places(placed: list[_Disc], radius: float, width: float) -> list[tuple[float, float]]:
     """Where a disc that touches two others, a wall or the floor has room."""
     low, high = radius, width - radius
-    found = [(low, radius), (high, radius)]
+    places = [(low, radius), (high, radius)]
     for x, y, other in placed:
         reach = radius + other
         for wall in (low, high):
             if (rest := reach**2 - (wall - x) ** 2) >= 0.0:
-                found.append((wall, y + math.sqrt(rest)))
+                places.append((wall, y + math.sqrt(rest)))
         if (rest := reach**2 - (radius - y) ** 2) >= 0.0:
-            found += [(x - math.sqrt(rest), radius), (x + math.sqrt(rest), radius)]
+            places += [(x - math.sqrt(rest), radius), (x + math.sqrt(rest), radius)]
     for pair in itertools.combinations(placed, 2):
-        found += _beside(*pair, radius)
+        places += _beside(*pair, radius)
     return [
         (x, y)
-        for x, y in found
+        for x, y in places
         if low - _ROOM <= x <= high + _ROOM
         and y >= radius - _ROOM
         and all(math.hypot(x - a, y - b) >= radius + c - _ROOM for a, b, c in placed)
     ]
 
 
-def _beside(one: _Disc, other: _Disc, radius: float) -> list[tuple[float, float]]:
+def _beside(first: _Disc, second: _Disc, radius: float) -> list[tuple[float, float]]:
     """The two centres of discs that touch two discs; none if these are too far apart."""
-    a, b = one[2] + radius, other[2] + radius
-    x, y = other[0] - one[0], other[1] - one[1]
+    a, b = first[2] + radius, second[2] + radius
+    x, y = second[0] - first[0], second[1] - first[1]
     between = math.hypot(x, y)
     along = 0.5 * (between**2 + a**2 - b**2) / between
     if abs(along) > a:
@@ -123,5 +123,6 @@ def _beside(one: _Disc, other: _Disc, radius: float) -> list[tuple[float, float]
     aside = math.sqrt(a**2 - along**2)
     x, y = x / between, y / between
     return [
-        (one[0] + along * x - side * y, one[1] + along * y + side * x) for side in (aside, -aside)
+        (first[0] + along * x - side * y, first[1] + along * y + side * x)
+        for side in (aside, -aside)
     ]

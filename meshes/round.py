@@ -203,11 +203,11 @@ class Rings(Geometry):
     @property
     def rings(self) -> dict[str, tuple[float, float]]:
         """The inner radius, which may be 0, and the outer radius of each region."""
-        found = {}
+        rings = {}
         for region, ring in self.circles.items():
             *inner, outer = ring.values()
-            found[region] = (inner[0] if inner else 0.0, outer)
-        return found
+            rings[region] = (inner[0] if inner else 0.0, outer)
+        return rings
 
     @property
     def thickness(self) -> float:

@@ -90,11 +90,16 @@ def of_file(name: str) -> float:
 
 
 @pytest.mark.serial
-def test_every_demo_is_a_script_with_a_study_file_or_alone() -> None:
+def test_every_demo_is_a_script_and_in_the_gallery_with_its_question() -> None:
     assert {path.stem for path in DEMOS.glob("*.yml")} == set(COARSE)
     assert {path.stem for path in DEMOS.glob("*.py")} == {*COARSE, *ALONE}
     given = {name: load(DEMOS / f"{name}.yml").parameters.penalty.n for name in COARSE}
     assert {name for name, n in given.items() if n < math.inf} == set(PENALISED)
+    gallery = (DEMOS.parent / "docs" / "demos" / "index.md").read_text(encoding="utf-8")
+    for name in (*COARSE, *ALONE):
+        question = (DEMOS / f"{name}.py").read_text(encoding="utf-8").splitlines()[1][4:]
+        assert question.endswith("?") and f"[{question}]({name}.ipynb)" in gallery
+        assert f"]({name}.{'gif' if name == 'impact' else 'png'})" in gallery
 
 
 @pytest.mark.parametrize(

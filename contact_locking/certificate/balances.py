@@ -95,7 +95,7 @@ class NodalForces(NamedTuple):
     load: FloatArray
     elastic: FloatArray
     touching: FloatArray
-    own: FloatArray
+    own_energy: FloatArray
     reacting: FloatArray
 
 
@@ -149,7 +149,7 @@ def equilibrium(state: SolvedState) -> Equilibrium:
     ]
     sprung = sum((forces for _, forces in of_springs), np.zeros_like(load))
     reacting = sprung[:owned] + reaction
-    # A user's own energy may also act from outside.
+    # The forces of a user's energy need not be internal.
     for vector in (load, touching, reacting, of_energy):
         nodal = vector[:owned].reshape(-1, state.dim)
         total.append(state.comm.allreduce(nodal.sum(axis=0)))
@@ -227,7 +227,7 @@ class Touch:
 
     @classmethod
     def at_rest(cls, state: SolvedState, fields: ContactFields) -> Touch:
-        """The contact before the first step; a foundation that would overlap touches."""
+        """The contact before the first step; a foundation that would overlap just touches."""
         none, gap, weights = 0.0 * fields.gap, np.maximum(fields.gap, 0.0), state.weights(fields)
         still = np.zeros_like(fields.normal)
         return cls(weights, still, fields.normal, gap, none, still, none)

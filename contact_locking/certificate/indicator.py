@@ -219,7 +219,7 @@ def nodal_means(
 
 
 def _regions(state: SolvedState, count: int) -> list[BoolArray]:
-    """Masks (k,) of the owned cells: one for each region of the material, one for all others."""
+    """Masks (k,) of the owned cells: for each region of the material, and for all other cells."""
     others = np.ones(count, dtype=bool)
     masks = []
     for region in state.problem.regions:

@@ -1,7 +1,7 @@
-"""Criteria that stored stress, pressures and tractions obey locking, contact and friction laws.
+"""Criteria that stress, pressures and tractions obey the laws of locking, contact and friction.
 
-This module repeats the laws on purpose, in NumPy and by their conjugate functions, so that an error
-in the laws of the solver shows here.  For a fixed friction bound each law is ``z in d phi(x)``, and
+This module repeats the laws on purpose, in NumPy and by their conjugate functions, so that errors
+in the laws of the solver show here.  For a fixed friction bound each law is ``z in d phi(x)``, and
 Fenchel's sum ``phi(x) + phi*(z) - z x >= 0`` is zero exactly if the law holds.  In equilibrium the
 sum over all laws is the duality gap.
 """

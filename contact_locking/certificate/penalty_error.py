@@ -120,10 +120,7 @@ def on_contacts(
 
 def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> Constraints:
     """The constraints, with all of Gamma_C and the nodes where ``dofs`` are 1 fixed; collective."""
-    space, surfaces = (
-        state.problem.u.function_space,
-        [contact.surface for contact in state.contacts],
-    )
+    space, surfaces = state.problem.u.function_space, [c.surface for c in state.contacts]
     ones = [np.ones_like(fields.normal) for fields in state.contacts]
     marks = on_contacts(space, surfaces, ones).x.array + dofs
     nodes = np.flatnonzero(marks.reshape(-1, state.dim)[:, 0] > 0.0).astype(np.int32)
@@ -133,7 +130,7 @@ def with_contacts_fixed(state: SolvedState, dofs: FloatArray | float = 0.0) -> C
 class Lifting:
     """Elastic fields with given values on Gamma_C and Gamma_D, by one factorisation.
 
-    They replace the test function ``v = 0`` in proofs for which 0 is not admissible.  A field w is
+    In proofs they replace the test function ``v = 0`` where 0 is not admissible.  A field w is
     admissible if it has the prescribed values on Gamma_D, ``w_nu <= gap`` on Gamma_C, and strains
     in all sets, ``|eps(w)| <= M``.  With friction w must not slip either: ``w_tau = 0`` on Gamma_C.
     :meth:`close` is collective.
@@ -155,7 +152,7 @@ class Lifting:
         """
         state, constraints = self._state, self._state.problem.constraints
         if state.problem.data.own_energy is not None:
-            raise NotApplicable("no proof covers the user's own energy")
+            raise NotApplicable("no proof covers a user-defined energy")
         overlaps = any(np.any(fields.gap < 0.0) for fields in state.contacts)
         if on_every_rank(state.comm, constraints.largest() == 0.0 and not overlaps):
             return None

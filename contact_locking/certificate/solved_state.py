@@ -204,7 +204,7 @@ class StrainPoints:
         return SetAtPoints(self._measured(law), limit, self.of(multiplier))
 
     def _measured(self, law: StrainSet) -> Callable[[fem.Function], FloatArray]:
-        """``L eps(w)`` of displacements w; collective."""
+        """The map from displacements w to ``L eps(w)`` at the points; collective."""
 
         def compiled_strain() -> tuple[fem.Function, fem.Expression]:
             expr = law.measured(self._strain)
@@ -337,7 +337,7 @@ def are_held(
 def _rows(
     domain: Domain, constraints: Constraints, nodes: IndexArray
 ) -> Iterator[tuple[str, IndexArray, FloatArray]]:
-    """For each part its name, positions in ``nodes`` (m,) and prescribed directions (m, d)."""
+    """For each part its name, the positions (m,) in ``nodes``, and the directions (m, d) held."""
     dim = domain.dim
     for placed in (*constraints.components, *constraints.oblique):
         for name in placed.on:
@@ -346,7 +346,7 @@ def _rows(
             places, directions = placed.rows_at(nodes)
             is_on_part = np.isin(nodes[places], on_part)
             yield name, places[is_on_part], directions[is_on_part]
-    for number, condition in enumerate(constraints.given):
+    for number, condition in enumerate(constraints.bcs):
         dofs = condition.dof_indices()[0]
         for axis, direction in enumerate(np.eye(dim)):
             places = np.flatnonzero(np.isin(dim * nodes + axis, dofs)).astype(np.int32)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import functools
+import gc
 import os
 import re
 import sys
@@ -194,8 +195,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             return terminal.abort(UNEXPECTED, text, error)
         return terminal.abort(UNEXPECTED, f"{text}\n{hint}")
     terminal.leave_together()
-    if output is not None and output.refused and code == 0:
-        code = UNEXPECTED
+    if output is not None:
+        # Python would look through all objects several times before the process ends.
+        gc.freeze()
+        code = UNEXPECTED if output.refused and code == 0 else code
     return code
 
 
@@ -211,7 +214,7 @@ def _run_command(arguments: argparse.Namespace, program: bool = False) -> int:
 
 def _interrupted(interrupt: KeyboardInterrupt, arguments: argparse.Namespace) -> int:
     said = str(interrupt) or "interrupted"
-    if remains := getattr(arguments, "left", lambda: "")():
+    if remains := getattr(arguments, "remains", lambda: "")():
         said += f"\n{remains}"
     return terminal.abort(terminal.exit_code(interrupt), said)
 
@@ -229,11 +232,8 @@ def _end_ranks(arguments: argparse.Namespace, interrupt: KeyboardInterrupt) -> N
 def _unexpected(error: Exception) -> tuple[str, str]:
     """One line about the error, and another about the remedy."""
     if isinstance(error, OSError) and error.strerror:
-        place = error.filename or "a file of its own, perhaps in the cache of compiled forms"
-        hint = (
-            "The system refuses it, as with a full disk or a home that is read-only; "
-            "XDG_CACHE_HOME says where compiled forms are kept."
-        )
+        place = error.filename or "an internal file, perhaps in the cache of compiled forms"
+        hint = "The disk is full, or the folder of compiled forms is read-only (XDG_CACHE_HOME)."
         return f"error: {error.strerror}: {place}", hint
     text = " ".join(f"error: unexpected {type(error).__name__}: {error}".split())
     return (

@@ -10,7 +10,7 @@ import argparse
 import contextlib
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,7 +55,7 @@ def new(arguments: argparse.Namespace) -> int:
                 try:
                     files.write_new(path, content)
                 except FileExistsError:
-                    message = f"{path}: there is a file already; -o FILE names another one"
+                    message = f"{path}: the file exists; give another name with -o FILE"
                     raise InputError(message) from None
         rows = (("check", "what is wrong, or what would run"), ("run", "solves, and draws"))
         steps = [(f"  contact-locking {name} {place}", about) for name, about in rows]
@@ -66,14 +66,14 @@ def new(arguments: argparse.Namespace) -> int:
 
 def run(arguments: argparse.Namespace) -> int:
     """Solve, write the results, and print the summary."""
-    study = _load(arguments.file, _overrides(arguments))
+    study = _load(arguments, arguments.output)
     comm = world_with_dolfinx(arguments)
     from contact_locking.results import in_words
     from contact_locking.running.run import run as solve_and_write
 
     parameters, directory = study.parameters, study.parameters.output.directory
     #: The remains of an interrupted run, in words.
-    arguments.left = lambda: _left_of_run(arguments, parameters)
+    arguments.remains = lambda: _remains_of_run(arguments, parameters)
     options = (arguments.petsc, arguments.restart, arguments.checkpoint)
     with _solving(arguments, study, comm) as (monitor, speaks):
         if speaks and parameters.study is not None:
@@ -99,7 +99,7 @@ def study(arguments: argparse.Namespace) -> int:
     if terminal.world() is not None:
         raise InputError("start a study without mpirun: --ranks K runs each case on K ranks")
     began = time.perf_counter()
-    file = _load(arguments.file, _overrides(arguments))
+    file = _load(arguments, arguments.output)
     from contact_locking.running.runner import Plan, Study, finish
 
     plan = Plan(arguments.jobs, arguments.ranks)
@@ -112,12 +112,12 @@ def study(arguments: argparse.Namespace) -> int:
 
 def fit(arguments: argparse.Namespace) -> int:
     """Fit numbers of the file to its measured curves, and print what was found."""
-    file = _load(arguments.file, _overrides(arguments))
+    file = _load(arguments, arguments.output)
     comm = world_with_dolfinx(arguments)
     from contact_locking.inverse import fitting
 
     directory = file.parameters.output.directory
-    arguments.left = lambda: (
+    arguments.remains = lambda: (
         f"the evaluations so far are in {directory}; the same command goes on from there"
     )
     with _solving(arguments, file, comm) as (monitor, speaks):
@@ -137,7 +137,7 @@ def serve(arguments: argparse.Namespace) -> int:
     """Answer requests for quantities of a study at numbers that they bring, until Ctrl-C."""
     if terminal.world() is not None:
         raise InputError("start a server without mpirun; several have a --port each")
-    file = _load(arguments.file, arguments.set)
+    file = _load(arguments)
     comm = world_with_dolfinx(arguments)
     from contact_locking.inverse import um_bridge
 
@@ -161,7 +161,7 @@ def report(arguments: argparse.Namespace) -> int:
 
 def check(arguments: argparse.Namespace) -> int:
     """Print the errors of a study file, or what would run; solve nothing."""
-    study = _load(arguments.file, arguments.set)
+    study = _load(arguments)
     parameters = study.parameters
     comm = world_with_dolfinx(arguments)
     # The modules of the solvers and of the results take a third of the time of this command.
@@ -215,8 +215,8 @@ def check(arguments: argparse.Namespace) -> int:
 def mesh(arguments: argparse.Namespace) -> int:
     """Write the mesh of a study file's builder as a Gmsh file."""
     if arguments.file.suffix.lower() == ".inp":
-        raise InputError(f"a study reads a deck as it is: mesh.file: {arguments.file}")
-    study, place = _load(arguments.file, arguments.set), arguments.output
+        raise InputError(f"a study file can use the deck directly: mesh.file: {arguments.file}")
+    study, place = _load(arguments), arguments.output
     geometry = study.parameters.mesh.geometry
     with _explained(study):
         if geometry is None:
@@ -226,7 +226,7 @@ def mesh(arguments: argparse.Namespace) -> int:
     from contact_locking.meshes import write
 
     if place.exists() or place.is_symlink():
-        raise InputError(f"{place}: there is a file already; -o FILE names another one")
+        raise InputError(f"{place}: the file exists; give another name with -o FILE")
     try:
         with explained(f"cannot write {place}", place):
             write(geometry, place, study.parameters.refined_names)
@@ -250,18 +250,10 @@ def schema(arguments: argparse.Namespace) -> int:
     return 0
 
 
-COMMANDS = {one.__name__: one for one in (new, run, study, fit, serve, report, check, mesh, schema)}
+COMMANDS = {f.__name__: f for f in (new, run, study, fit, serve, report, check, mesh, schema)}
 
 
-def _overrides(arguments: argparse.Namespace) -> list[str]:
-    if arguments.output is None:
-        return list(arguments.set)
-    # Every JSON string is a YAML string.
-    folder = json.dumps(arguments.output, ensure_ascii=False)
-    return [*arguments.set, f"output.directory={folder}"]
-
-
-def _left_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
+def _remains_of_run(arguments: argparse.Namespace, parameters: Parameters) -> str:
     """Which steps of an interrupted run are saved, and how to go on; not collective."""
     from contact_locking import study_file
     from contact_locking.process.checkpoint import SavedSteps
@@ -294,10 +286,14 @@ def _solving(
         monitor.finish()
 
 
-def _load(path: Path, overrides: Sequence[str]) -> StudyFile:
+def _load(arguments: argparse.Namespace, directory: str | None = None) -> StudyFile:
+    """The study file with the changes of ``--set``, and with the folder of its results."""
     from contact_locking import study_file
 
-    return study_file.load(path, overrides)
+    # Every JSON string is a YAML string.
+    quoted = json.dumps(directory, ensure_ascii=False)
+    changes = [] if directory is None else [f"output.directory={quoted}"]
+    return study_file.load(arguments.file, [*arguments.set, *changes])
 
 
 @contextlib.contextmanager

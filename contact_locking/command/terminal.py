@@ -203,7 +203,7 @@ def _prepare_environment() -> None:
     folder = os.environ.get("TMPDIR")
     if folder and not (os.path.isdir(folder) and os.access(folder, os.W_OK)):
         raise InputError(
-            f"TMPDIR: {folder} is no folder that can be written to; make it, or unset TMPDIR"
+            f"TMPDIR: {folder} cannot be written to; create the folder, or unset TMPDIR"
         )
 
 
@@ -251,9 +251,9 @@ class TerminalMonitor(Monitor):
         self.finish()
         self._line(text)
 
-    def step(self, number: int, left: int, time: float) -> None:
+    def step(self, number: int, remaining: int, time: float) -> None:
         self.finish()
-        self._step = f"step {number}  t = {time:.6g}  ({left} to do)  "
+        self._step = f"step {number}  t = {time:.6g}  ({remaining} to do)  "
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         self.finish()

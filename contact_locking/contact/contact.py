@@ -1,6 +1,6 @@
 """The data of a contact: place, rigid foundation or other body, and friction with its smoothing R.
 
-A study file is read without DOLFINx, so that what needs a mesh is imported where there is one.
+Study files are read without DOLFINx: functions that need a mesh import what they use themselves.
 """
 
 from __future__ import annotations
@@ -80,9 +80,8 @@ class Motion(Concept):
         if self.translation is None and self.rotation is None:
             yield Fault((), "has no motion: give translation, rotation or both")
         if (self.rotation is None) != (self.about is None):
-            missing, present = (
-                ("about", "rotation") if self.about is None else ("rotation", "about")
-            )
+            names = ("about", "rotation")
+            missing, present = names if self.about is None else names[::-1]
             yield Fault((missing,), f"is missing; {present} needs it")
 
     def _faults_in(self, body: BodyKind) -> Iterator[Fault]:
@@ -131,7 +130,7 @@ _Shapes: Any = create_model("_Shapes", __base__=Concept, **_FIELDS)
 class Foundation(_Shapes):
     """A rigid body that the deformed body does not enter: shape, motion, and forces on it.
 
-    The first argument of a script is a shape, or an object of its own with the methods of
+    In scripts the first argument is a shape, or any object with the methods of
     :class:`~contact_locking.shapes.shape.Distance`.
     """
 
@@ -149,12 +148,12 @@ class Foundation(_Shapes):
         "the rigid body gives way along a line by force/stiffness, beyond its motion; a force is "
         "its preload; null: no spring",
     )
-    own: Any = hidden("own")
+    custom: Any = hidden("custom")
 
     def __init__(self, shape: Distance | None = None, **named: Any) -> None:
         if shape is not None:
             key = shape.key if isinstance(shape, Shape) else ""
-            named[key if key in _FIELDS else "own"] = shape
+            named[key if key in _FIELDS else "custom"] = shape
         super().__init__(**named)
 
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
@@ -162,11 +161,11 @@ class Foundation(_Shapes):
     @property
     def shape(self) -> Distance:
         """The shape at rest."""
-        return next(x for key in ("own", *_FIELDS) if (x := getattr(self, key)) is not None)
+        return next(x for key in ("custom", *_FIELDS) if (x := getattr(self, key)) is not None)
 
     @property
     def shape_key(self) -> str:
-        """The key of the shape, empty for an object of a script's own."""
+        """The key of the shape, empty for another object of a script."""
         return self.shape.key if isinstance(self.shape, Shape) else ""
 
     @property
@@ -185,17 +184,17 @@ class Foundation(_Shapes):
         return self.force is not None or self.spring is not None
 
     def _faults(self) -> Iterator[Fault]:
-        shapes = [key for key in (*_FIELDS, "own") if getattr(self, key) is not None]
+        shapes = [key for key in (*_FIELDS, "custom") if getattr(self, key) is not None]
         if len(shapes) != 1:
             listed = ", ".join(_FIELDS)
             message = f"give exactly one of {listed}, not {' and '.join(shapes) or 'none'}"
             yield Fault((), message)
         methods = ("gap", "contact_normal")
-        is_distance = all(callable(getattr(self.own, name, None)) for name in methods)
-        if self.own is not None and (isinstance(self.own, type) or not is_distance):
+        is_distance = all(callable(getattr(self.custom, name, None)) for name in methods)
+        if self.custom is not None and (isinstance(self.custom, type) or not is_distance):
             message = (
                 "must be a shape such as Sphere(centre, radius), or an object with gap(x) and "
-                f"contact_normal(x), not {type(self.own).__name__}"
+                f"contact_normal(x), not {type(self.custom).__name__}"
             )
             yield Fault((), message)
         if self.force is not None and all(component == 0 for component in self.force):
@@ -231,7 +230,7 @@ _SIZE_ROUNDING = 1e-9
 
 
 class Kernel(ABC):
-    """A smoothing R that is not yet on a mesh."""
+    """A smoothing R as data: :meth:`on` makes it for a surface."""
 
     @abstractmethod
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
@@ -265,7 +264,7 @@ class Mollifier(Concept, Kernel):
     )
 
     def over(self, common: Mollifier) -> Mollifier:
-        """``common``, with what this one says itself."""
+        """``common``, in which the values stated here replace those there."""
         return common.model_copy(update=self.stated())
 
     def on(self, surface: ContactSurface, free: BoolArray, sides: IntArray) -> Smoothing:
@@ -331,7 +330,7 @@ class Coulomb(Concept):
     )
 
     def over(self, common: Coulomb) -> Coulomb:
-        """``common``, with what this one says itself."""
+        """``common``, in which the values stated here replace those there."""
         values = self.stated()
         if isinstance(self.smoothing, Mollifier):
             values["smoothing"] = self.smoothing.over(common.smoothing or Mollifier())
@@ -351,15 +350,15 @@ class Coulomb(Concept):
         """The friction bound on a surface, with R there."""
         from contact_locking.contact.coulomb import FrictionBound, Identity
 
-        # Without friction nothing asks for R, whose matrix would be made for its field.
+        # Without friction R is not needed, and its matrix would be made only for a field.
         kernel = Identity() if self.is_zero else smoothing
         return FrictionBound(surface, kernel, self.coefficient, self.is_zero)
 
 
 def _foundation_at_rest(value: Any, info: ValidationInfo) -> Any:
-    """In a script a shape, or an object of its own, is a foundation at rest."""
-    is_one = value is None or isinstance(value, dict | Foundation)
-    return value if is_one or info.context is not None else Foundation(value)
+    """In scripts a shape alone is a foundation at rest."""
+    is_foundation = value is None or isinstance(value, dict | Foundation)
+    return value if is_foundation or info.context is not None else Foundation(value)
 
 
 class Contact(Concept):
@@ -369,11 +368,11 @@ class Contact(Concept):
     of exterior facets (k,), or a pair of mesh tags and a value.  ``foundation`` is a
     :class:`Foundation`, or its shape alone; without one the ``gap`` g is along the outward normal.
 
-    ``against`` is the place of another side, of another body on the same mesh or of the same one;
-    it has no node of ``on`` but at the tip of a crack.  Contact then limits the jump
-    ``[u] = u - u o chi`` between the sides, with the points chi(x) of ``against`` that the normals
-    of ``on`` meet.  A gap adds to the distance of the sides: below zero they overlap and press, as
-    in a press fit.
+    ``against`` is the place of the other side, on another body of the mesh or across a cut of the
+    same body; it shares no node with ``on`` except at the tip of a crack.  Contact then limits the
+    jump ``[u] = u - u o chi`` between the sides, with the points chi(x) of ``against`` that the
+    normals of ``on`` meet.  The gap adds to the distance of the sides in the mesh; a negative gap
+    is an overlap that presses, as in a press fit.
     """
 
     on: Places = entry(("bottom",), "name(s) of the parts of Gamma_C; []: no contact")
@@ -453,7 +452,7 @@ class Contact(Concept):
 
 
 def named(contacts: Sequence[Contact]) -> list[Contact]:
-    """The contacts, each with a name of its own: that of its first boundary part if it has none.
+    """The contacts with unique names: a contact without one gets that of its first boundary part.
 
     Raises InputError for a name that two contacts have.
     """

@@ -1,4 +1,4 @@
-"""Coulomb friction: its law, the bound of the traction on the mesh, and R, which smooths stresses.
+"""Coulomb friction: its law, the friction bound on the mesh, and R, which smooths normal stresses.
 
 The friction bound ``G = mu(s) |R sigma_nu|`` depends on the solution; ``s`` is ``|u_tau|`` in the
 static problem, and the accumulated slip in a process.  For a known bound the functional of friction
@@ -65,7 +65,7 @@ _POSITIVE = 1e-12
 
 
 class Smoothing:
-    """A linear map of the nodal values on Gamma_C, symmetric unless a subclass says otherwise.
+    """R, a linear map of nodal values (k,) on Gamma_C; symmetric unless a subclass says otherwise.
 
     ``keeps_constants`` says that R of 1 is 1 at the free nodes; otherwise it is at most 1.
     """
@@ -121,7 +121,7 @@ class ConvolutionOperator(Smoothing):
         return np.asarray(self._matrix @ np.concatenate(self._comm.allgather(values)))
 
     def adjoint(self, values: FloatArray) -> FloatArray:
-        rows, weights = self._surface.own, self._surface.weights
+        rows, weights = self._surface.owned, self._surface.weights
         sums = self._comm.allreduce(self._matrix.T @ (weights[rows] * values))
         shares = np.divide(sums, weights, out=np.zeros_like(weights), where=weights > 0.0)
         return np.asarray(shares[rows])
@@ -139,7 +139,7 @@ class ConvolutionOperator(Smoothing):
 
         surface, radius = self._surface, self._radius
         weights = surface.weights
-        counts = np.zeros(len(weights[surface.own]), dtype=np.int32)
+        counts = np.zeros(len(weights[surface.owned]), dtype=np.int32)
         columns: list[IndexArray] = [np.empty(0, dtype=np.int32)]
         shares: list[FloatArray] = [np.empty(0)]
         for row, column, distance in surface.within(radius):
@@ -147,7 +147,7 @@ class ConvolutionOperator(Smoothing):
             kernel = _kernel(apart)
             if surface.axisymmetric:
                 radii = surface.points[:, 0]
-                chord = 2.0 / radius * np.sqrt(radii[surface.own][row] * radii[column])
+                chord = 2.0 / radius * np.sqrt(radii[surface.owned][row] * radii[column])
                 kernel = _around(apart, np.asarray(chord))
             kernel = kernel * weights[column]
             first, last = row[0], row[-1] + 1
@@ -165,7 +165,7 @@ class ConvolutionOperator(Smoothing):
     def _norm(self) -> float:
         # |R| <= sqrt(|R|_1 |R|_inf), and |R|_inf = 1.
         weights = self._surface.weights
-        columns = self._comm.allreduce(self._matrix.T @ weights[self._surface.own])
+        columns = self._comm.allreduce(self._matrix.T @ weights[self._surface.owned])
         ratio = np.divide(columns, weights, out=np.zeros_like(weights), where=weights > 0.0)
         return float(np.sqrt(np.max(ratio, initial=1.0)))
 
@@ -217,7 +217,7 @@ class HelmholtzOperator(Smoothing):
         self._operator.scale(radius**2)
         self._rhs = stiffness.createVecLeft()
         self._solution = stiffness.createVecLeft()
-        self._rhs.array_w[:] = self._mass[surface.own]
+        self._rhs.array_w[:] = self._mass[surface.owned]
         self._operator.setDiagonal(self._operator.getDiagonal() + self._rhs)
         self._solver = PETSc.KSP().create(stiffness.getComm())
         self._solver.setOperators(self._operator)
@@ -230,7 +230,7 @@ class HelmholtzOperator(Smoothing):
     def apply(self, values: FloatArray) -> FloatArray:
         everywhere = np.concatenate(self._comm.allgather(values))
         mean = self._surface.mean_by_part(everywhere, self._mass)
-        rows = self._surface.own
+        rows = self._surface.owned
         self._rhs.array_w[:] = (self._mass * (everywhere - mean))[rows]
         self._solver.solve(self._rhs, self._solution)
         deviation = np.concatenate(self._comm.allgather(self._solution.array_r))
@@ -313,7 +313,7 @@ class FrictionBound:
 
     @property
     def depends_on_slip(self) -> bool:
-        """Whether mu may depend on the slip: the law alone says that it does not."""
+        """Whether mu may depend on the slip; it does not if the law says so by ``lipschitz`` 0."""
         return self.law.lipschitz != 0.0
 
     @property

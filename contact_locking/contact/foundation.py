@@ -1,4 +1,4 @@
-"""A foundation at its place: a gap, or a shape that may move."""
+"""A foundation on the mesh: a gap, or a shape that may move."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ _TOO_DEEP = (
     "of the body points away from it; let the foundation reach less deep into the body"
 )
 _INSIDE = (
-    "a part of Gamma_C lies inside the foundation, and the shortest way out leads through the "
-    "body; either the foundation is inside out, or it reaches too deep into the body"
+    "a part of Gamma_C lies inside the foundation, and the nearest surface of the foundation is "
+    "across the body; either the foundation is inside out, or it reaches too deep into the body"
 )
 _TOO_FAR_IN = (
-    "a part of Gamma_C lies inside the foundation, and no way out of it leads along the normal of "
-    "the body within the width of the body; let the foundation reach less deep into the body"
+    "a part of Gamma_C lies inside the foundation, by more than the width of the body along its "
+    "normal; let the foundation reach less deep into the body"
 )
-# The nearest side of a foundation is no way out if the normal of the side has a smaller component
-# along that of the body: it is the side of an edge, or lies behind the body.
+# The nearest side of a foundation does not count if its normal has a smaller component along that
+# of the body: it is the side of an edge, or lies behind the body.
 _SIDEWAYS = 0.2
 # Normals of foundation and body are orthogonal where their product is smaller.
 _ALONG = 1e-9
-# A gradient that is shorter, or longer by the inverse, is not that of a distance.
+# A gradient that is shorter, or longer than the inverse, is not that of a distance.
 _LEAST_SLOPE = 0.8
-# The normals of an own foundation have the length 1 to this tolerance.
+# The normals of a user's foundation have the length 1 up to this tolerance.
 _UNIT = 1e-6
 # A gradient that is shorter than this share of the longest one is zero with rounding.
 _ROUNDING = 1e-10
-# A foundation is not so many times as long or as short as the body, but in other units.
+# A foundation that is longer or shorter than the body by this factor probably has other units.
 _LARGE_RATIO = 200.0
 # Distances below this share of the coordinates are rounding.
 _TOUCH = 8.0 * float(np.finfo(float).eps)
@@ -62,12 +62,13 @@ _TOUCH = 8.0 * float(np.finfo(float).eps)
 class PlacedFoundation:
     """The foundation of one contact, at its present place: here a gap along the outward normal.
 
-    The gap is beyond the distance to another body, and says nothing of points off Gamma_C.
-    ``is_timed`` says that gap or normal may change from solve to solve, and ``moves`` that the
-    foundation has a motion, which drags the body by friction.  ``is_distance`` says that its
-    distance is exact everywhere, so that the distance changes by no more than the way,
-    ``is_plane`` that it is a half space, and ``has_shape`` that it is a rigid body.  All methods
+    The gap adds to the distance to another body, and is unknown at points off Gamma_C.  All methods
     are collective.
+
+    - ``is_timed``: gap or normal may change from solve to solve
+    - ``moves``: the foundation has a motion, which drags the body by friction
+    - ``is_distance``: its distance is exact everywhere, and changes by no more than a point moves
+    - ``is_plane``, ``has_shape``: it is a half space, it is a rigid body
     """
 
     moves = is_distance = is_plane = has_shape = False
@@ -153,10 +154,10 @@ def _check_own(body: Distance, x: FloatArray) -> None:
 class RigidFoundation(PlacedFoundation):
     """A foundation with a shape, at rest or with a prescribed motion from rest.
 
-    ``is_timed`` says that it may move, or change its shape.  ``key`` is that of the foundation in
-    messages.  The constructor is collective, as it may read a file.  The methods raise InputError
-    for a shape whose distance is not finite, and Misplaced for one that lies behind Gamma_C, or
-    reaches into the body so that the way out of it leads through the body.
+    ``key`` is that of the foundation in messages.  The constructor is collective, as it may read a
+    file.  The methods raise InputError for a shape whose distance is not finite, and Misplaced for
+    one that lies behind Gamma_C, or so deep in the body that its nearest surface is across the
+    body.
     """
 
     has_shape = True
@@ -308,7 +309,7 @@ class RigidFoundation(PlacedFoundation):
         # The box around the ball around the box, where the foundation was at rest.
         reach = 0.5 * float(np.linalg.norm(box[1] - box[0]))
         at_rest = motion.origin(middle[:, None])[:, 0] + np.array([[-reach], [reach]])
-        return motion.place(self._body.sharp_points(at_rest, spacing).T).T
+        return motion.moved(self._body.sharp_points(at_rest, spacing).T).T
 
     def findings(self, surface: ContactSurface, gap: FloatArray) -> list[Finding]:
         findings, comm = [*self._shape_findings], self._comm

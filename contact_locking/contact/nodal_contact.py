@@ -34,7 +34,7 @@ _SAME = 1e-3
 
 @dataclass(frozen=True)
 class ContactState:
-    """What friction remembers of the previous step k - 1; zeros before the first step.
+    """What friction remembers of the previous step, k - 1; zeros before the first step.
 
     Friction acts on the slip of the present step, ``u_tau - u_{k-1,tau}``, and its coefficient
     depends on the accumulated slip ``s_k = sum_j |u_{j,tau} - u_{j-1,tau}|``.
@@ -42,7 +42,7 @@ class ContactState:
     - ``place``, ``slip``: ``u_{k-1}`` (k, d) and ``s_{k-1}`` (k,) at the owned nodes of the contact
     - ``travel``, ``motion``: how far a force had moved the foundation (d,), and its given motion
     - ``displacement``: ``u_{k-1}`` at all local dofs, if bodies are paired anew; else None
-    - ``touches``: whether any node touched
+    - ``touches``: whether any node of any rank touched
     """
 
     place: FloatArray
@@ -62,7 +62,7 @@ class ContactState:
 class NodalContact:
     """Signorini's conditions (5) and Coulomb's law (6) at the nodes of one part of Gamma_C.
 
-    - ``given``, ``key``: the data of the contact, and its name in messages
+    - ``concept``, ``key``: the data of the contact, and its name in messages
     - ``on``, ``against``: its boundary parts, and those of the other body (none for a foundation);
       between two bodies displacements are jumps
     - ``surface``: the nodes of the contact with their weights
@@ -82,30 +82,30 @@ class NodalContact:
 
     def __init__(
         self,
-        given: Contact,
+        concept: Contact,
         surface: ContactSurface,
         constraints: Constraints,
         slip: float,
         clock: Clock,
     ) -> None:
-        self.given, self.key, self.on = given, given.key, given.on
+        self.concept, self.key, self.on = concept, concept.key, concept.on
         self.surface, self._constraints, domain = surface, constraints, surface.domain
         self.clock = clock
         self.foundation: PlacedFoundation = (
-            PlacedFoundation(domain, given.gap, f"{self.key}.gap", clock)
-            if given.foundation is None
-            else RigidFoundation(domain, given.foundation, f"{self.key}.foundation", clock)
+            PlacedFoundation(domain, concept.gap, f"{self.key}.gap", clock)
+            if concept.foundation is None
+            else RigidFoundation(domain, concept.foundation, f"{self.key}.foundation", clock)
         )
         gap, normals = self.foundation.at_nodes(surface)
         self._first_gap = gap
         self.free = surface.free_nodes(normals, constraints)
         self.slides = surface.sliding_nodes(constraints)
-        self.against = tuple(given.against or ())
+        self.against = tuple(concept.against or ())
         self._sides: IntArray = surface.sides(normals)
-        friction = given.friction or Coulomb()
+        friction = concept.friction or Coulomb()
         self._kernel = friction.kernel
         self.friction = friction.on(surface, self._kernel.on(surface, self.free, self._sides))
-        self.friction.key = given.friction_key("coefficient")
+        self.friction.key = concept.friction_key("coefficient")
         regularisation = friction.regularisation
         self.regularisation = slip if regularisation is None else regularisation
         count, dim = len(surface.nodes), domain.dim
@@ -118,7 +118,7 @@ class NodalContact:
         self._moved: FloatArray = np.zeros((count, dim))
         self.drag = self._moved
         if self.foundation.moves:
-            self._put(self._gaps, normals)
+            self._set_gaps(self._gaps, normals)
 
     def findings(self) -> list[Finding]:
         """Findings about its data; collective."""
@@ -130,7 +130,7 @@ class NodalContact:
             kind = "foundation" if self.foundation.has_shape else "gap"
             findings.append(Finding("gap.inside", f"{self.key}.{kind}", depth=depth))
         findings += self.foundation.findings(surface, self._first_gap)
-        smoothing = self.given.friction_key("smoothing")
+        smoothing = self.concept.friction_key("smoothing")
         findings += [x.at(f"{smoothing}.{x.key}") for x in self._kernel.findings(surface)]
         if self.foundation.has_shape and not self.moves:
             findings += self._overlap()
@@ -164,7 +164,7 @@ class NodalContact:
         return [Finding("foundation.overlap", key, depth=depth.max(), turn=turn)]
 
     def constant_support(self) -> str | None:
-        """Where, in words, a held node is next to which R preserves constants; collective."""
+        """Where, in words, R preserves constants next to a held node, or None; collective."""
         domain, bound = self.surface.domain, self.friction
         if bound.frictionless or isinstance(bound.smoothing, Identity):
             return None
@@ -187,7 +187,7 @@ class NodalContact:
         before = surface.frame
         is_anew = before is not None and self.pairs_anew and before.displacement is not displacement
         if is_anew and (frame := surface.frame_at(displacement, self.state.touches)) is not None:
-            surface.take(frame)
+            surface.set_frame(frame)
         if self.foundation.is_timed or is_anew:
             self._set_place(is_anew)
 
@@ -201,7 +201,7 @@ class NodalContact:
                 place = surface.operator.values(before)
             self.state = replace(self.state, place=place)
         gap, normals = self.foundation.at_nodes(surface)
-        self._put(surface.limited_gap(gap), normals)
+        self._set_gaps(surface.limited_gap(gap), normals)
         if not (self.foundation.moves or is_anew):
             return
         free, sides = surface.free_nodes(normals, self._constraints), surface.sides(normals)
@@ -254,11 +254,11 @@ class NodalContact:
         is_same &= not on_any_rank(comm, changes > _SAME * approach)
         is_same &= not on_any_rank(comm, touches & ~frame.faces)
         if not is_same:
-            surface.take(frame)
+            surface.set_frame(frame)
             self._set_place(is_anew=True)
         return not is_same
 
-    def _put(self, gaps: FloatArray, normals: FloatArray) -> None:
+    def _set_gaps(self, gaps: FloatArray, normals: FloatArray) -> None:
         self._gaps = gaps
         self._moved = self.foundation.drag(self.surface, self.state.motion)
         self.normals = normals
@@ -270,7 +270,7 @@ class NodalContact:
         self._refresh()
 
     def _refresh(self) -> None:
-        """Update gaps and references to the travel of the foundation."""
+        """Update gaps, drag and references to the travel of the foundation."""
         self.gaps = self._gaps + np.sum(self.normals * self.travel, axis=1)
         self.drag = self._moved + (self.travel - self.state.travel)
         self.references = self.split_nodal(self.state.place + self.drag)[1]
@@ -283,7 +283,7 @@ class NodalContact:
     @property
     def pairs_anew(self) -> bool:
         """Whether two bodies are paired anew in each step."""
-        return self.surface.frame is not None and self.given.pair != "once"
+        return self.surface.frame is not None and self.concept.pair != "once"
 
     def slid(self, u: fem.Function) -> FloatArray:
         """How far (k,) the nodes have slid off the points that they were paired with."""
@@ -294,7 +294,7 @@ class NodalContact:
     @property
     def is_free(self) -> bool:
         """Whether the travel of the foundation is an unknown."""
-        return self.given.is_free
+        return self.concept.is_free
 
     def split(self, u: fem.Function) -> tuple[FloatArray, FloatArray]:
         """``u_nu`` (k,) and ``u_tau`` (k, d) at the nodes, of the limited values of u."""
@@ -307,11 +307,11 @@ class NodalContact:
         return along, vectors - along[:, None] * normals
 
     def acting(self, values: FloatArray) -> FloatArray:
-        """Pressures (k,), zero at the nodes that are not free."""
+        """Values (k,), set to zero at the nodes that are not free."""
         return np.where(self.free, values, 0.0)
 
     def rubbing(self, bounds: FloatArray) -> FloatArray:
-        """Friction bounds (k,), zero at the nodes that are not free, tiny where nothing slides.
+        """Friction bounds (k,), set to zero at nodes that are not free, tiny where nothing slides.
 
         A cone under a bound of zero has no interior.
         """
@@ -353,9 +353,9 @@ class NodalContact:
     def restore_step(
         self, reference: FloatArray, slip: FloatArray, displacement: FloatArray | None
     ) -> None:
-        """Restore the start of a solved step: ``reference`` (k, d) and slip (k,); collective.
+        """Restore what a solved step began with: ``reference`` (k, d), slip (k,); collective.
 
-        Bodies that are paired anew started it at the ``displacement``.
+        Bodies that are paired anew began it at the local values ``displacement``.
         """
         self.state = replace(self.state, slip=np.array(slip), displacement=displacement)
         if self.pairs_anew:
@@ -367,9 +367,9 @@ class NodalContact:
 
         Both are evaluated without slip, and the bound at a small pressure.  Collective.
         """
-        friction, surface, given = self.friction, self.surface, self.given.friction
+        friction, surface, law = self.friction, self.surface, self.concept.friction
         comm, count = surface.domain.comm, len(surface.points)
-        expression = given and given.coefficient and given.coefficient.expression
+        expression = law and law.coefficient and law.coefficient.expression
 
         def require(values: FloatArray, what: str, key: str) -> None:
             is_right = np.isfinite(values) & (values >= 0.0)
@@ -382,7 +382,7 @@ class NodalContact:
             slip = np.zeros(count)
             return np.array(friction.law(surface.points, slip)) if count or expression else slip
 
-        key = self.given.friction_key("coefficient")
+        key = self.concept.friction_key("coefficient")
         mu = agree(comm, lambda: with_key(key, coefficients))
         require(mu, "mu must be a finite number from 0 up everywhere", key)
         if friction.is_coulomb:
@@ -441,7 +441,7 @@ def joint_norm(contacts: Sequence[NodalContact], values: Sequence[FloatArray]) -
 def place_of(
     contact: Contact, domain: Domain, space: fem.FunctionSpace, element: Element
 ) -> ContactSurface:
-    """The place of a contact; collective."""
+    """The surface of a contact, paired with the other body if there is one; collective."""
     if contact.against is None:
         return ContactSurface(domain, space, contact.on, f"{contact.key}.on", element)
     # `check` of one body does without SciPy, whose import takes a tenth of its time.

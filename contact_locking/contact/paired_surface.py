@@ -1,4 +1,4 @@
-"""One side of an interface between bodies as Gamma_C, and the other side that it faces.
+"""Side 1 of an interface between bodies as Gamma_C, and side 2 that it faces.
 
 :func:`distances_apart` says how far two bodies that touch are from touching, by the geometry of
 their displaced facets alone.  The distance of a point x of one side to the facets of the other is
@@ -37,38 +37,38 @@ from contact_locking.mesh.data import unit_normals
 from contact_locking.mesh.domain import Domain
 from contact_locking.supports.conditions import Constraints
 
-# The facets whose middles are so many nearest to a point may have the nearest point.
+# The nearest point of a side is looked for in the facets with this many nearest middles.
 _NEAREST = 8
-# The same where the points' own body has facets in the side as well.
+# The same where the body of the point has facets in the side as well.
 _NEAREST_OF_ALL = 32
-# Each edge of a facet is divided into so many parts.
+# The parts of each edge of a facet in the lattice.
 _DIVISIONS = 4
-# A point faces a facet if its way there is along the normal of the facet, to this cosine.
+# A point faces a facet if the line to it is along the normal of the facet, up to this cosine.
 _ALONG = 0.99
 
 
 def distances_apart(
-    presses: BoolArray, one: Side, other: Side, offset: float
+    presses: BoolArray, first: Side, second: Side, offset: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The distances (q,) that should not be, and the normals (q, d) of the facets there.
+    """The distances (q,) by which sides miss each other, and the normals (q, d) of facets there.
 
-    ``presses`` (k,) marks the nodes of side 1 that press, and the sides are displaced.  ``offset``
-    is the gap that adds to their distance.
+    The sides are displaced, and ``presses`` (k,) marks the nodes of side 1 that press.  ``offset``
+    is the gap that adds to the distance of the sides.
     """
-    of_node = np.zeros(len(one.points), dtype=np.int64)
-    of_node[one.facets] = np.arange(len(one.facets))[:, None]
-    distance, sagitta, nearest = _distances_to(one.points, one, of_node, other)
+    of_node = np.zeros(len(first.points), dtype=np.int64)
+    of_node[first.facets] = np.arange(len(first.facets))[:, None]
+    distance, sagitta, nearest = _distances_to(first.points, first, of_node, second)
     away = np.abs(distance + offset) - sagitta
-    lengths = [_least_of_facets(away, one)[presses]]
-    normals = [other.outward[nearest][presses]]
-    bears: BoolArray = np.any(presses[one.facets], axis=1)
-    for side, facing in ((one, other), (other, one)):
+    lengths = [_least_of_facets(away, first)[presses]]
+    normals = [second.outward[nearest][presses]]
+    bears: BoolArray = np.any(presses[first.facets], axis=1)
+    for side, facing in ((first, second), (second, first)):
         points, facet = _lattice(side)
         distance, sagitta, nearest = _distances_to(points, side, facet, facing)
-        sagitta_here = np.where(
-            bears[facet if side is one else nearest], _sagittae(side)[facet], 0.0
+        own_sagitta = np.where(
+            bears[facet if side is first else nearest], _sagittae(side)[facet], 0.0
         )
-        lengths.append(-(distance + offset) - sagitta - sagitta_here)
+        lengths.append(-(distance + offset) - sagitta - own_sagitta)
         normals.append(facing.outward[nearest])
     return np.concatenate(lengths), np.concatenate(normals)
 
@@ -186,43 +186,43 @@ class PairedSurface(ContactSurface):
     is_paired = True
 
     def __init__(
-        self, domain: Domain, space: fem.FunctionSpace, given: Contact, element: Element
+        self, domain: Domain, space: fem.FunctionSpace, contact: Contact, element: Element
     ) -> None:
-        key, names = given.key, tuple(given.against or ())
-        super().__init__(domain, space, given.on, f"{key}.on", element)
+        key, names = contact.key, tuple(contact.against or ())
+        super().__init__(domain, space, contact.on, f"{key}.on", element)
         other = domain.facets(names, f"{key}.against")
-        among = set(given.on) == set(names)
-        self._one, self._mine = _side(domain, space, self.facets, among)
-        self._two, self._theirs = _side(domain, space, other, among)
-        self.facing_length = float(np.median(self._two.sizes())) ** (1.0 / (domain.dim - 1))
+        among = set(contact.on) == set(names)
+        self._first, self._mine = _side(domain, space, self.facets, among)
+        self._second, self._theirs = _side(domain, space, other, among)
+        self.facing_length = float(np.median(self._second.sizes())) ** (1.0 / (domain.dim - 1))
         self._at_tip = np.isin(self._mine, self._theirs) & (not among)
         if not among:
-            _require_apart(domain, self._one, self._two, self._mine, self._theirs, given)
-        self._given, self._key = given, key
+            _require_apart(domain, self._first, self._second, self._mine, self._theirs, contact)
+        self._contact, self._key = contact, key
         self._blocks = np.union1d(self._mine, self._theirs)
         blocks = space.dofmap.index_map.local_to_global(self.blocks)
-        self._here = np.searchsorted(self._mine, blocks)
+        self._positions = np.searchsorted(self._mine, blocks)
         # The coefficients of side 1 on all ranks, in the order of its points.
         order = np.argsort(np.concatenate(domain.comm.allgather(blocks)))
         self._coefficients = vstack(domain.comm.allgather(self.controls.rows)).tocsr()[order]
         self._whole = self.weights
         frame = self.frame_at(None)
         self.operator = ContactOperator(space, frame.rows, couples_cells=True)
-        self.take(frame)
+        self.set_frame(frame)
 
     def sides_at(self, displacement: FloatArray | None) -> tuple[Side, Side]:
         """Both sides at a displacement (local values), None for rest; collective."""
         if displacement is None:
-            return self._one, self._two
-        one, two = (self._at_blocks(displacement, blocks) for blocks in (self._mine, self._theirs))
-        return self._one.moved(one), self._two.moved(two)
+            return self._first, self._second
+        u_1, u_2 = (self._at_blocks(displacement, blocks) for blocks in (self._mine, self._theirs))
+        return self._first.moved(u_1), self._second.moved(u_2)
 
     def frame_at(self, displacement: FloatArray | None, must_face: bool = True) -> Frame:
-        mine, domain = self._here, self.domain
-        one, two = self.sides_at(displacement)
-        pairing = pair(one, two)
+        mine, domain = self._positions, self.domain
+        first, second = self.sides_at(displacement)
+        pairing = pair(first, second)
         if must_face:
-            _require_facing(domain, one, two, pairing, self._given, displacement is not None)
+            _require_facing(domain, first, second, pairing, self._contact, displacement is not None)
         faces, coefficients = (pairing.faces & ~self._at_tip)[mine], self._coefficients
         shares = pairing.shares[mine].tocsr()
         columns = self._theirs[shares.indices]
@@ -240,7 +240,7 @@ class PairedSurface(ContactSurface):
             np.where(faces, pairing.weights[mine] / self._whole, 1.0),
         )
 
-    def take(self, frame: Frame) -> None:
+    def set_frame(self, frame: Frame) -> None:
         self.frame, self.weights = frame, frame.weights
         self.body_normals = frame.normals
         self.operator.join(frame.rows)
@@ -259,7 +259,7 @@ class PairedSurface(ContactSurface):
         marks the nodes that press, and ``gap`` (k,) is that of the laws.
         """
         comm, sides = self.domain.comm, self.sides_at(displacement)
-        pressing = np.concatenate(comm.allgather(self._here[presses]))
+        pressing = np.concatenate(comm.allgather(self._positions[presses]))
         # The gap that adds to the distance of the sides.
         at = presses if len(pressing) or self.frame is None else self.frame.faces
         offsets = np.concatenate(comm.allgather((gap - self.distance)[at]))
@@ -319,11 +319,11 @@ class PairedSurface(ContactSurface):
         return sums
 
     def findings(self) -> list[Finding]:
-        length = float(np.median(self._one.sizes())) ** (1.0 / (self.domain.dim - 1))
+        length = float(np.median(self._first.sizes())) ** (1.0 / (self.domain.dim - 1))
         ratio = length / self.facing_length
         if ratio <= _COARSER:
             return []
-        on, against = (", ".join(names or ()) for names in (self._given.on, self._given.against))
+        on, against = (", ".join(x or ()) for x in (self._contact.on, self._contact.against))
         return [Finding("contact.coarser", self._key, on=on, against=against, ratio=ratio)]
 
 
@@ -363,14 +363,14 @@ def _side(
 
 
 def _require_apart(
-    domain: Domain, one: Side, two: Side, mine: IntArray, theirs: IntArray, contact: Contact
+    domain: Domain, first: Side, second: Side, mine: IntArray, theirs: IntArray, contact: Contact
 ) -> None:
     """Raise InputError for sides that have a facet in common; a crack has a node at its tip."""
     both = np.isin(mine, theirs)
-    shared = both[one.facets].all(axis=1)
+    shared = both[first.facets].all(axis=1)
     if not shared.any():
         return
-    where = domain.where(one.corners[np.argmax(shared)].mean(axis=0))
+    where = domain.where(first.corners[np.argmax(shared)].mean(axis=0))
     raise InputError(
         f"{', '.join(contact.on)} and {', '.join(contact.against or ())} share the nodes of "
         f"{int(shared.sum())} facets, as at {where}: bodies that touch each other have nodes of "
@@ -380,7 +380,7 @@ def _require_apart(
 
 
 def _require_facing(
-    domain: Domain, one: Side, two: Side, pairing: Pairing, contact: Contact, is_moved: bool
+    domain: Domain, first: Side, second: Side, pairing: Pairing, contact: Contact, is_moved: bool
 ) -> None:
     """Raise InputError for sides that do not face each other, or not once, or overlap too deep.
 
@@ -388,10 +388,10 @@ def _require_facing(
     """
     key, on, against = contact.key, ", ".join(contact.on), ", ".join(contact.against or ())
     if not pairing.faces.any():
-        where = domain.where(one.points.mean(axis=0))
-        behind = pair(one, replace(two, outward=-two.outward)).faces
+        where = domain.where(first.points.mean(axis=0))
+        behind = pair(first, replace(second, outward=-second.outward)).faces
         if behind.any():
-            where = domain.where(one.points[np.argmax(behind)])
+            where = domain.where(first.points[np.argmax(behind)])
             raise Misplaced(
                 f"the outward normals of {on} and {against} point the same way, as at {where}: "
                 "one side sees the other from behind, or lies inside of its body; name the two "
@@ -416,7 +416,7 @@ def _require_facing(
     if depth > _DEEPEST * float(np.ptp(domain.bounding_box, axis=0).min()):
         raise Misplaced(
             f"{on} reaches {depth:.4g} deep into {against} at "
-            f"{domain.where(one.points[deepest])}: displacements are small, and so must overlaps "
+            f"{domain.where(first.points[deepest])}: displacements are small, and so must overlaps "
             "be; move the bodies apart, or name the sides that face each other",
             f"{key}.against",
         )

@@ -1,4 +1,4 @@
-"""Which points of one side face which points of another, by their geometry alone.
+"""Which points of side 1 face which points of side 2, from their geometry alone.
 
 The jump of a field u at the node i of side 1 is
 
@@ -173,61 +173,61 @@ class Pairing:
     twice: FloatArray | None
 
 
-def pair(one: Side, other: Side) -> Pairing:
-    """The pairing of side 1, ``one``, with side 2.
+def pair(first: Side, second: Side) -> Pairing:
+    """The pairing of side 1, ``first``, with side 2, ``second``.
 
     If both have the same facets, of several bodies, each facet is paired with the nearest other
     body if this has the larger number: of two bodies one is side 1.
     """
     from scipy.sparse import csr_matrix
 
-    frames, middles = axes_across(one.outward), one.corners.mean(axis=1)[:, None]
-    facet, facing = _candidates(one, other)
-    if one.bodies is not None and other.bodies is not None:
-        own_body, other_body = one.bodies[facet], other.bodies[facing]
-        away = other.corners.mean(axis=1)[facing] - one.corners.mean(axis=1)[facet]
+    frames, middles = axes_across(first.outward), first.corners.mean(axis=1)[:, None]
+    facet, facing = _candidates(first, second)
+    if first.bodies is not None and second.bodies is not None:
+        own_body, other_body = first.bodies[facet], second.bodies[facing]
+        away = second.corners.mean(axis=1)[facing] - first.corners.mean(axis=1)[facet]
         distance = np.where(own_body != other_body, np.linalg.norm(away, axis=1), np.inf)
         # The last entry for a facet is the nearest other body.
         order = np.argsort(-distance, kind="stable")
-        nearest = np.full(len(one.facets), -1)
+        nearest = np.full(len(first.facets), -1)
         nearest[facet[order]] = other_body[order]
         kept = (other_body == nearest[facet]) & (own_body < other_body)
         facet, facing = facet[kept], facing[kept]
-    away = other.corners[facing] - middles[facet]
+    away = second.corners[facing] - middles[facet]
     flat = np.einsum("pcd,ptd->pct", away, frames[facet])
-    plane = np.einsum("mcd,mtd->mct", one.corners - middles, frames)
+    plane = np.einsum("mcd,mtd->mct", first.corners - middles, frames)
     meet = boxes_meet(plane[facet], flat)
     facet, facing, flat = facet[meet], facing[meet], flat[meet]
-    number, pieces = overlaps(plane[facet], flat, one.kind)
-    degree = max(degree_of(side.kind, side.corners) for side in (one, other))
+    number, pieces = overlaps(plane[facet], flat, first.kind)
+    degree = max(degree_of(side.kind, side.corners) for side in (first, second))
     places, weights = quadrature(pieces, degree)
-    at_one = functions(one.kind, plane[facet[number]], places)
-    at_other = functions(other.kind, flat[number], places)
-    covered = summed(facet[number], len(one.facets), weights[:, :, None]).sum(axis=(1, 2))
-    weights = weights * _density(one, facet[number], at_one)
-    of_one = bernstein(at_one) if one.is_quadratic else at_one
-    of_other = nodal(at_other) if other.is_quadratic else at_other
+    at_first = functions(first.kind, plane[facet[number]], places)
+    at_second = functions(second.kind, flat[number], places)
+    covered = summed(facet[number], len(first.facets), weights[:, :, None]).sum(axis=(1, 2))
+    weights = weights * _density(first, facet[number], at_first)
+    of_first = bernstein(at_first) if first.is_quadratic else at_first
+    of_second = nodal(at_second) if second.is_quadratic else at_second
 
     # Sums over the pieces of each pair, then over the pairs of each facet.
-    mixed = summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_one, of_other))
-    mass = np.einsum("qn,qni,qnj->qij", weights, of_one, of_one)
-    mass = summed(facet[number], len(one.facets), mass)
-    sizes = one.sizes()
+    mixed = summed(number, len(facet), np.einsum("qn,qni,qnk->qik", weights, of_first, of_second))
+    mass = np.einsum("qn,qni,qnj->qij", weights, of_first, of_first)
+    mass = summed(facet[number], len(first.facets), mass)
+    sizes = first.sizes()
     is_covered = covered > _COVERED * sizes
     mass[~is_covered] = 0.0
-    target, faces = _targets(one, mass.sum(axis=2), _integrals(one, plane))
-    nodes = target[one.facets]
+    target, faces = _targets(first, mass.sum(axis=2), _integrals(first, plane))
+    nodes = target[first.facets]
     # The functions of nodes with one target are added to that of the first of them in the facet.
     same = nodes[:, :, None] == nodes[:, None, :]
-    first = np.argmax(same, axis=2)[:, None, :] == np.arange(nodes.shape[1])[None, :, None]
-    joined = first.astype(float)
+    is_first = np.argmax(same, axis=2)[:, None, :] == np.arange(nodes.shape[1])[None, :, None]
+    joined = is_first.astype(float)
     joined_mass = joined @ mass
     dual = np.zeros_like(mass)
     dual[is_covered] = (
         dual_basis((joined_mass @ joined.transpose(0, 2, 1))[is_covered]) @ joined[is_covered]
     )
 
-    count = len(one.points)
+    count = len(first.points)
     weight = np.bincount(nodes.reshape(-1), joined_mass.sum(axis=2).reshape(-1), count)
     total = np.where(faces, weight, 1.0)
 
@@ -240,13 +240,13 @@ def pair(one: Side, other: Side) -> Pairing:
         matrix.eliminate_zeros()
         return matrix
 
-    near = rows(np.arange(len(one.facets)), dual @ mass, one.facets, count)
-    shares = rows(facet, dual[facet] @ mixed, other.facets[facing], len(other.points))
-    gap, normals = _distances(one, other, near @ one.points, nodes[facet], facing)
-    if one.is_quadratic:
-        gap = _control_values(one, gap, faces)
+    near = rows(np.arange(len(first.facets)), dual @ mass, first.facets, count)
+    shares = rows(facet, dual[facet] @ mixed, second.facets[facing], len(second.points))
+    gap, normals = _distances(first, second, near @ first.points, nodes[facet], facing)
+    if first.is_quadratic:
+        gap = _control_values(first, gap, faces)
     several = np.flatnonzero(covered > (1.0 + _TWICE) * sizes)
-    twice = one.corners[several[0]].mean(axis=0) if len(several) else None
+    twice = first.corners[several[0]].mean(axis=0) if len(several) else None
     return Pairing(
         near, shares, np.where(faces, gap, 0.0), normals, np.where(faces, weight, 0.0), faces, twice
     )
@@ -274,7 +274,7 @@ def _density(side: Side, facet: IntArray, values: FloatArray) -> FloatArray:
     return np.asarray(ratio)
 
 
-def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArray, BoolArray]:
+def _targets(side: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArray, BoolArray]:
     """(k,) the node whose condition takes the function of each node, and which nodes have one.
 
     ``covered`` and ``whole`` (m, n) are the integrals of the functions over covered parts of
@@ -285,27 +285,27 @@ def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArra
     from scipy.sparse import csr_matrix
     from scipy.sparse.csgraph import connected_components
 
-    count, width = len(one.points), one.facets.shape[1]
+    count, width = len(side.points), side.facets.shape[1]
     share = np.zeros(count)
-    np.maximum.at(share, one.facets, covered / whole)
-    at, size = one.facets.reshape(-1), whole.reshape(-1)
+    np.maximum.at(share, side.facets, covered / whole)
+    at, size = side.facets.reshape(-1), whole.reshape(-1)
     integral = np.bincount(at, covered.reshape(-1), count)
     faces = (share > _SLIVER) & (integral > _SLIVER_OF_ALL * np.bincount(at, size, count))
     is_covered = covered.sum(axis=1) > 0.0
-    within = one.facets[is_covered]
+    within = side.facets[is_covered]
     ends = [within[:, each].reshape(-1) for each in np.indices([width] * 2).reshape(2, -1)]
     start, end = ends
     piece = connected_components(csr_matrix((np.ones(len(start)), (start, end)), (count, count)))[1]
-    order = np.lexsort((*one.points.T, integral))
+    order = np.lexsort((*side.points.T, integral))
     most = np.full(count, -1)
     most[piece[order]] = order
     is_alone = ~np.isin(piece, piece[faces]) & (integral > 0.0)
     faces[most[piece[is_alone]]] = True
     target = np.where(faces, np.arange(count), -1)
-    lengths = np.linalg.norm(one.points[start] - one.points[end], axis=1)
+    lengths = np.linalg.norm(side.points[start] - side.points[end], axis=1)
     # The nearest comes last; of several equally near ones, that whose coordinates are the largest.
     rounded = np.round(lengths / lengths.max(initial=np.finfo(float).tiny), 9)
-    order = np.lexsort((*one.points[end].T, -rounded))
+    order = np.lexsort((*side.points[end].T, -rounded))
     start, end = start[order], end[order]
     while True:
         step = (target[start] < 0) & (target[end] >= 0)
@@ -315,7 +315,7 @@ def _targets(one: Side, covered: FloatArray, whole: FloatArray) -> tuple[IntArra
 
 
 def _distances(
-    one: Side, other: Side, points: FloatArray, nodes: IntArray, facing: IntArray
+    first: Side, second: Side, points: FloatArray, nodes: IntArray, facing: IntArray
 ) -> tuple[FloatArray, FloatArray]:
     """The distances (k,) of points (k, d) of side 1 along the contact normals, and these (k, d).
 
@@ -324,28 +324,28 @@ def _distances(
     pairs = np.column_stack([nodes.reshape(-1), np.repeat(facing, nodes.shape[1])])
     node, facing = np.unique(pairs, axis=0).T
     # Between corners quadratic sides have moved by themselves, off chords that they have at rest.
-    bulge, bulge_of_one = (_bulge(x.at_rest if x.is_quadratic else x) for x in (other, one))
-    of_side, farther_out, count = one.nodal_normals(), np.zeros(len(points)), one.kind.corners
-    for number, (first, second) in enumerate(EDGES[count] if one.is_quadratic else ()):
-        farther_out[one.facets[:, count + number]] = 0.25 * bulge_of_one[:, first, second]
+    bulge, bulge_of_first = (_bulge(x.at_rest if x.is_quadratic else x) for x in (second, first))
+    of_side, farther_out, count = first.nodal_normals(), np.zeros(len(points)), first.kind.corners
+    for number, (start, end) in enumerate(EDGES[count] if first.is_quadratic else ()):
+        farther_out[first.facets[:, count + number]] = 0.25 * bulge_of_first[:, start, end]
     # The normals (m, c, d) at the corners of side 2: the averaged ones, but at edges of a body.
-    corners = other.facets[:, : other.kind.corners]
-    of_other, is_edge = other.nodal_normals()[corners], _at_edge(other)[corners]
-    is_edge |= np.sum(of_other * other.outward[:, None], axis=2) < _SMOOTH
-    of_other = np.where(is_edge[:, :, None], other.outward[:, None], of_other)
-    normals, gap, at_edge = of_side.copy(), np.zeros(len(points)), _at_edge(one)
+    corners = second.facets[:, : second.kind.corners]
+    of_other, is_edge = second.nodal_normals()[corners], _at_edge(second)[corners]
+    is_edge |= np.sum(of_other * second.outward[:, None], axis=2) < _SMOOTH
+    of_other = np.where(is_edge[:, :, None], second.outward[:, None], of_other)
+    normals, gap, at_edge = of_side.copy(), np.zeros(len(points)), _at_edge(first)
     for _ in range(2):
-        along, away = normals[node], other.points[other.facets[facing]] - points[node][:, None]
+        along, away = normals[node], second.points[second.facets[facing]] - points[node][:, None]
         every_height = np.einsum("pnd,pd->pn", away, along)
-        away, heights = (values[:, : other.kind.corners] for values in (away, every_height))
+        away, heights = (values[:, : second.kind.corners] for values in (away, every_height))
         flat = np.einsum("pcd,ptd->pct", away, axes_across(along))
         with np.errstate(all="ignore"):
-            basis = functions(other.kind, flat, np.zeros((len(flat), 1, flat.shape[2])))[:, 0]
+            basis = functions(second.kind, flat, np.zeros((len(flat), 1, flat.shape[2])))[:, 0]
         # A point far outside of a quadrilateral may have no coordinates in it.
         basis = np.where(
             np.isfinite(basis).all(axis=1, keepdims=True), basis, np.eye(basis.shape[1])[0]
         )
-        shape = nodal(basis) if other.is_quadratic else basis
+        shape = nodal(basis) if second.is_quadratic else basis
         height = np.einsum("pn,pn->p", shape, every_height) - farther_out[node]
         height -= np.einsum("pij,pi,pj->p", bulge[facing], basis, basis)
         outside = basis.min(axis=1) < -_INSIDE
@@ -354,14 +354,14 @@ def _distances(
         # A ray that misses a facet is judged by how far.  It meets the plane of the facet, or the
         # height of its edge where the facet is seen at a grazing angle.
         aside = np.linalg.norm(np.einsum("pc,pct->pt", nearest, flat), axis=1)
-        slope = np.sum(other.outward[facing] * along, axis=1)
-        plane = np.sum(other.outward[facing] * away.mean(axis=1), axis=1)
+        slope = np.sum(second.outward[facing] * along, axis=1)
+        plane = np.sum(second.outward[facing] * away.mean(axis=1), axis=1)
         beside = plane / np.where(slope < _STEEP, slope, -1.0)
         beside = np.where(slope < _STEEP, beside, np.einsum("pc,pc->p", nearest, heights))
         height = np.where(outside, beside, height)
         order = np.lexsort((np.where(outside, aside, np.abs(height)), outside, node))
-        node_of, first = np.unique(node[order], return_index=True)
-        best = order[first]
+        node_of, start = np.unique(node[order], return_index=True)
+        best = order[start]
         gap[node_of] = height[best]
         facing_normal = np.einsum("pc,pcd->pd", nearest[best], of_other[facing[best]])
         facing_normal /= np.linalg.norm(facing_normal, axis=1)[:, None]
@@ -384,14 +384,14 @@ def _at_edge(side: Side) -> BoolArray:
     return np.asarray(turn < _ROUND * off)
 
 
-def _control_values(one: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
+def _control_values(side: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
     """The control values (k,) of nodal values, between the least and the largest of an edge.
 
     The control value of a gap that has a kink would be far off.
     """
-    values, count = gap.copy(), one.kind.corners
+    values, count = gap.copy(), side.kind.corners
     for number, edge in enumerate(EDGES[count]):
-        ends, middle = one.facets[:, edge], one.facets[:, count + number]
+        ends, middle = side.facets[:, edge], side.facets[:, count + number]
         some = np.column_stack([gap[ends], gap[middle]])
         control = np.clip(
             2.0 * some[:, 2] - 0.5 * (some[:, 0] + some[:, 1]), some.min(axis=1), some.max(axis=1)
@@ -401,15 +401,15 @@ def _control_values(one: Side, gap: FloatArray, faces: BoolArray) -> FloatArray:
     return values
 
 
-def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
+def _candidates(first: Side, second: Side) -> tuple[IntArray, IntArray]:
     """The pairs (p,) of facets of both sides that may face each other."""
     from scipy.spatial import cKDTree
 
     # Balls around the facets.
-    middles = [side.corners.mean(axis=1) for side in (one, other)]
+    middles = [side.corners.mean(axis=1) for side in (first, second)]
     around = [
         np.linalg.norm(side.corners - middle[:, None], axis=2).max(axis=1, initial=0.0)
-        for side, middle in zip((one, other), middles, strict=True)
+        for side, middle in zip((first, second), middles, strict=True)
     ]
     tree = cKDTree(middles[1])
     largest = around[1].max(initial=0.0)
@@ -419,10 +419,10 @@ def _candidates(one: Side, other: Side) -> tuple[IntArray, IntArray]:
     facet = np.repeat(np.arange(len(neighbours)), [len(some) for some in neighbours])
     facing = np.concatenate([np.empty(0, np.int64), *(np.asarray(x, np.int64) for x in neighbours)])
     away = middles[1][facing] - middles[0][facet]
-    outward = one.outward[facet]
+    outward = first.outward[facet]
     aside = np.sum(away**2, axis=1) - np.sum(away * outward, axis=1) ** 2
     near = aside <= (around[0][facet] + around[1][facing]) ** 2
-    kept = near & (np.sum(outward * other.outward[facing], axis=1) < _FACING)
+    kept = near & (np.sum(outward * second.outward[facing], axis=1) < _FACING)
     return facet[kept], facing[kept]
 
 

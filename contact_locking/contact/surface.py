@@ -1,4 +1,4 @@
-"""Gamma_C in the discrete problem: nodes, weights, nodal averages, and the distances between nodes.
+"""Gamma_C in the discrete problem: nodes with weights and normals, and distances between nodes.
 
 The points are the nodes, with the weights of the rule of the element's trace.  Contact and friction
 act there on the limited values of the trace: the nodal values, or the control values.
@@ -33,12 +33,12 @@ from contact_locking.supports.conditions import Constraints
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
-# Nodes whose distance is the radius up to this share are all outside, whatever the rounding.
+# Nodes at the distance of the radius count as outside, whatever the rounding.
 _AT_RADIUS = 1e-12
-# The distances from so many nodes are in memory as a full matrix at a time.
+# The number of nodes whose distances to all others are in memory at a time.
 _ROWS = 256
 
-#: Some own nodes, other nodes, and their distances.
+#: The numbers of owned nodes and of other nodes, and their distances: (p,) each.
 Pairs = tuple[IntArray, IntArray, FloatArray]
 
 
@@ -47,14 +47,14 @@ class SurfaceMesh:
     """The nodes of Gamma_C with their weights, and its facets; made by ``ContactSurface.whole``.
 
     ``points`` (k, d), ``weights`` (k,) and ``facets`` (m, d), as numbers of nodes, are the same on
-    every rank; ``own`` is the range of the nodes that this rank owns.  ``axisymmetric`` says that
+    every rank; ``owned`` is the range of the nodes that this rank owns.  ``axisymmetric`` says that
     the points (r, z) stand for circles.
     """
 
     points: FloatArray
     weights: FloatArray
     facets: IntArray
-    own: slice
+    owned: slice
     axisymmetric: bool = False
 
     @cached_property
@@ -83,15 +83,15 @@ class SurfaceMesh:
         return np.asarray((sums / total)[self.parts])
 
     def within(self, radius: float) -> Iterator[Pairs]:
-        """All p pairs of an own node and a node nearer than ``radius``, some own nodes at a time.
+        """All p pairs of an owned node and a node nearer than ``radius``, some nodes at a time.
 
-        Yields the numbers of own nodes, in their order, the numbers of the other nodes, and the
+        Yields the numbers of owned nodes, in their order, the numbers of the other nodes, and the
         distances, (p,) each.  All pairs together may take more memory than a solve.
 
         In 2D the distance is the length of the curve between the nodes.  In 3D the distance is the
         length of the straight line, for nodes that are connected within the ball of that radius
-        around the own node: a fold of the surface that is near in space only does not count.  On a
-        curved surface the straight line is shorter than the geodesic by the relative amount
+        around the owned node: a fold that is near in space only does not count.  On a curved
+        surface the straight line is shorter than the geodesic by the relative amount
         ``(radius * curvature)^2/24``.
         """
         near = self._along_curves if self.points.shape[1] == 2 else self._inside_balls
@@ -102,7 +102,7 @@ class SurfaceMesh:
     def _along_curves(self, radius: float) -> Iterator[Pairs]:
         from scipy.sparse.csgraph import dijkstra
 
-        first, last, _ = self.own.indices(len(self.points))
+        first, last, _ = self.owned.indices(len(self.points))
         for start in range(first, last, _ROWS):
             some = np.arange(start, min(start + _ROWS, last))
             lengths = dijkstra(self.edges, directed=False, indices=some, limit=radius)
@@ -113,7 +113,7 @@ class SurfaceMesh:
         from scipy.sparse.csgraph import connected_components
         from scipy.spatial import cKDTree
 
-        first, last, _ = self.own.indices(len(self.points))
+        first, last, _ = self.owned.indices(len(self.points))
         tree = cKDTree(self.points)
         for node in range(first, last):
             ball = tree.query_ball_point(self.points[node], radius, return_sorted=True)
@@ -129,7 +129,7 @@ PRESCRIBED = 1e-6
 # The cosines of the angles by which contact normals turn between two sides of Gamma_C, and by which
 # they are off the normals of the body: 40 and 60 degrees.
 _TURNED, _FACING = 0.766, 0.5
-# Of the largest displacement, the least one along a normal that distances are relative to.
+# Distances are relative to displacements along a normal, at least to this share of the largest.
 _LEAST = 1e-3
 #: The sine of 15 degrees, by which the normal of a smooth boundary is off that of a chord at most.
 CORNER = 0.26
@@ -222,7 +222,7 @@ class ContactSurface:
 
     def of_motion(self, motion: FloatArray) -> FloatArray:
         """The limited values (k, d) of an affine displacement (local values); collective."""
-        # Those of an affine field are the nodal values.
+        # The control values of an affine field are its nodal values.
         return np.asarray(motion.reshape(-1, self.domain.dim)[self.blocks])
 
     def is_of(self, dofs: BoolArray) -> BoolArray:
@@ -293,11 +293,11 @@ class ContactSurface:
         return np.ones(len(self.nodes), dtype=bool)
 
     def findings(self) -> list[Finding]:
-        """Findings about the sides of the surface."""
+        """Findings about the sides of two bodies."""
         return []
 
     def frame_at(self, displacement: FloatArray | None, must_face: bool = True) -> Frame | None:
-        """The frame of two sides at a displacement (local values); None without; collective.
+        """The frame of two sides at a displacement (local values), None without; collective.
 
         Raises Misplaced for sides that ``must_face`` each other and do not.
         """
@@ -306,7 +306,10 @@ class ContactSurface:
     def apart(
         self, displacement: FloatArray, presses: BoolArray, gap: FloatArray, entered: float
     ) -> float:
-        """How far two sides are from touching at a displacement (local values); collective."""
+        """How far two sides are from touching at a displacement (local values); collective.
+
+        0 on a foundation; see :meth:`PairedSurface.apart`.
+        """
         return 0.0
 
     def extents(self, displacement: FloatArray, normals: FloatArray) -> FloatArray:
@@ -324,7 +327,7 @@ class ContactSurface:
         mine = number.reshape(-1)[first : first + len(normals)]
         return np.asarray(np.maximum(sizes[mine], _LEAST * maximum(comm, np.abs(moved))))
 
-    def take(self, frame: Frame) -> None:
+    def set_frame(self, frame: Frame) -> None:
         """Set the pairing; collective."""
 
     def whole(self, free: BoolArray | None = None, sides: IntArray | None = None) -> SurfaceMesh:
@@ -487,7 +490,7 @@ class ContactSurface:
     def _numbers(self, nodes: IndexArray) -> IntArray:
         """Local nodes (m, n) of the scalar space as numbers of nodes on all ranks; collective.
 
-        Those of nodes off Gamma_C have no meaning.
+        The numbers of nodes off Gamma_C have no meaning.
         """
         index_map = self.scalar_space.dofmap.index_map
         # The ranks own dofs in ascending order, so that the gathered ones ascend as well.

@@ -1,4 +1,4 @@
-"""Foundations that a force or a spring moves: how far each travels, and all of them together."""
+"""Foundations that a force or a spring moves: how far each travels, and the set of all of them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from contact_locking.values.value import Value, vector_at
 _NO_FORCE = 1e-12
 # The share of the largest force by which the force may leave its line.
 _STRAIGHT = 1e-9
-# A way below this share of the displacements is rounding.
+# A distance below this share of the displacements is rounding.
 _ROUNDING = 1e-12
 # A foundation is pushed towards a node if its direction has at least this share along the contact
 # normal.
@@ -45,7 +45,7 @@ class Travel:
 
     def __init__(self, contact: NodalContact) -> None:
         self.contact, self.force, self.stiffness = contact, 0.0, 0.0
-        foundation, clock = contact.given.foundation, contact.clock
+        foundation, clock = contact.concept.foundation, contact.clock
         assert foundation is not None
         self._spring: FoundationSpring | None = foundation.spring
         self._force: Sequence[Value] = foundation.force or ()
@@ -122,7 +122,7 @@ class Travel:
         return size if size > _NO_FORCE * self.largest else 0.0
 
     def advance(self) -> None:
-        """Take the present force and spring.  Raises InputError for unfit ones."""
+        """Update force and spring to the time.  Raises InputError for values of no use."""
         if self._force:
             self.force = self._size(self.contact.clock.now)
         if self._spring is not None:
@@ -133,7 +133,7 @@ class Travel:
 
     @property
     def acts(self) -> bool:
-        """Whether the foundation presses on the body, if it is in the way, at present."""
+        """Whether a force or a spring presses the foundation on a body in its way at present."""
         return self.force > 0.0 or self.is_sprung
 
     @property
@@ -158,9 +158,9 @@ class Travel:
         return float(integral(along)), float(integral(np.abs(along)))
 
     def touching(self, u: fem.Function) -> float:
-        """How far the foundation travels until it touches the body with a displacement; collective.
+        """The travel q at which the foundation touches the body displaced by u; collective.
 
-        This is where a force leaves the foundation that falls to zero.
+        A foundation stays there when its force falls to zero.
         """
         contact, towards = self.contact, self._towards
         room = contact.gaps - contact.split(u)[0]
@@ -198,7 +198,7 @@ class Tools(Sequence[Travel]):
 
     @property
     def travels(self) -> tuple[float, ...]:
-        """The size q of each travel; to set them moves the foundations."""
+        """The size q of each travel; setting them moves the foundations."""
         return self._travels
 
     @travels.setter
@@ -224,11 +224,11 @@ class Tools(Sequence[Travel]):
 
     @property
     def act(self) -> bool:
-        """Whether a free foundation presses on the body, if it is in the way, at present."""
+        """Whether any of them :attr:`acts <Travel.acts>` at present."""
         return any(tool.acts for tool in self)
 
-    def rest(self, u: fem.Function) -> None:
-        """Let foundations that no force presses touch the body; collective."""
+    def update_unloaded(self, u: fem.Function) -> None:
+        """Move foundations without a force until they touch the body; collective."""
         travels = []
         for tool, size in zip(self, self._travels, strict=True):
             if not tool.acts:

@@ -176,10 +176,10 @@ class Lookup:
         """Whether the argument is the variable of this name alone."""
         return self.argument == Name(name)
 
-    def clamped(self, **variables: Any) -> Any:
-        """The values in NumPy, outside of the table that of its nearest point."""
+    def argument_at(self, **variables: Any) -> Any:
+        """The values of the argument in NumPy."""
         with np.errstate(all="ignore"):
-            return self.table.clamped(_evaluate(self.argument, NUMPY, variables, _value))
+            return _evaluate(self.argument, NUMPY, variables, _value)
 
 
 Node = Number | Name | Apply | Lookup
@@ -267,13 +267,13 @@ class Expression:
         return values if values.shape else float(values)
 
     def unchecked(
-        self, given: Mapping[Lookup, Any] | None = None, /, **variables: npt.ArrayLike
+        self, known: Mapping[Lookup, Any] | None = None, /, **variables: npt.ArrayLike
     ) -> npt.NDArray[np.float64]:
         """The values of :meth:`numpy`, infinite or NaN where the expression has none.
 
-        ``given`` are values to take in place of those of some tables.
+        ``known`` are values to take in place of those of some tables.
         """
-        given = given or {}
+        known = known or {}
         arrays = {name: np.asarray(value, dtype=float) for name, value in variables.items()}
         shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
         with np.errstate(all="ignore"):
@@ -281,7 +281,7 @@ class Expression:
                 self.root,
                 NUMPY,
                 arrays,
-                lambda lookup, at: given[lookup] if lookup in given else _value(lookup, at),
+                lambda lookup, at: known[lookup] if lookup in known else _value(lookup, at),
             )
         return np.array(np.broadcast_to(value, shape), dtype=float)
 

@@ -1,14 +1,14 @@
-"""UFL forms and expressions, compiled by DOLFINx into a folder of this package's own.
+"""UFL forms and expressions, compiled by DOLFINx into a cache folder of this package.
 
-:class:`JointForm` has forms whose integrals are compiled apart, and assembled together.  For each
-cell and facet of a form DOLFINx stores all coefficients of the form.  Cells and facets have forms
-of their own, so that no cell stores coefficients of facets.
+The integrals of a :class:`JointForm` are compiled separately and assembled together.  DOLFINx
+stores all coefficients of a form for each of its cells and facets, so that cells and facets have
+separate forms: no cell stores the coefficients of facets.
 
-FFCx 0.9 treats values at the only point of a quadrature rule as constant in the cell, and
-uses that in the other rules of the same form, too.  So integrals that evaluate the coordinates in
-one point, as all of an axisymmetric body do with linear displacements, have forms of their own.
-The same of arguments loses a traction, in one point of a facet, beside the nodes of a contact
-there: the rules of facets have forms of their own.
+FFCx 0.9 treats values at the only point of a quadrature rule as constant in the cell, and does so
+in the other rules of the same form, too.  Integrals that evaluate the coordinates at one point, as
+those of an axisymmetric body with linear displacements do, therefore have separate forms.  For the
+same reason a traction at the one point of a facet would be lost beside the nodes of a contact:
+each quadrature rule on facets has its own form.
 """
 
 from __future__ import annotations
@@ -88,26 +88,26 @@ def options() -> dict[str, Any]:
 
 
 class Kept:
-    """Compiled forms and evaluated data of one problem, by names, for its next solve."""
+    """Compiled forms and evaluated data of one problem, by name, for reuse in later solves."""
 
     def __init__(self) -> None:
-        self._found: dict[Hashable, Any] = {}
+        self._values: dict[Hashable, Any] = {}
 
     def __call__(self, name: Hashable, make: Callable[[], T]) -> T:
         """The result of the first call of :func:`make` with the name; collective if that is."""
-        if name not in self._found:
-            self._found[name] = make()
-        result: T = self._found[name]
+        if name not in self._values:
+            self._values[name] = make()
+        result: T = self._values[name]
         return result
 
     def form(self, integrals: ufl.Form) -> fem.Form:
-        """The compiled form of a UFL form, of one that is equal if there is one; collective."""
+        """The compiled form of a UFL form, compiled once for all equal forms; collective."""
         return self(integrals, lambda: form(integrals))
 
 
 @contextlib.contextmanager
 def _compiling(comm: MPI.Intracomm, signature: str) -> Iterator[dict[str, Any]]:
-    """Let one process compile at a time, into a folder where no form is half there; collective.
+    """Let one process compile at a time, into a folder without unfinished forms; collective.
 
     Yields DOLFINx's ``jit_options``.  There are 256 folders, by signature: Python lists the whole
     folder of a module that it imports, and processes do not wait for each other's forms.
@@ -136,7 +136,7 @@ def _compiling(comm: MPI.Intracomm, signature: str) -> Iterator[dict[str, Any]]:
 
 @contextlib.contextmanager
 def _lock(folder: Path) -> Iterator[io.FileIO | None]:
-    """The lock file of a folder, locked; None where there are no locks, or no leave to write."""
+    """The lock file of a folder, locked; None without locks or permission to write there."""
     from contact_locking.files import try_lock  # only where something is compiled
 
     try:
@@ -150,7 +150,7 @@ def _lock(folder: Path) -> Iterator[io.FileIO | None]:
 
 
 def _remove_unfinished(folder: Path) -> None:
-    """Remove C files that have no compiled module, and the signs of modules without a C file."""
+    """Remove C files without a compiled module, and the marks of modules without a C file."""
     sources = {path.with_suffix("") for path in folder.glob("*.c")}
     modules = {path.with_suffix("").with_suffix("") for path in folder.glob("*.c.cached")}
     for stem in sources - modules:
@@ -159,7 +159,7 @@ def _remove_unfinished(folder: Path) -> None:
         stem.with_suffix(".c.cached").unlink(missing_ok=True)
 
 
-# By this name a PETSc matrix keeps the matrix of DOLFINx whose arrays it shares.
+# The name under which a PETSc matrix keeps the DOLFINx matrix whose arrays it shares.
 _SHARED = "shared_with_dolfinx"
 
 

@@ -55,13 +55,13 @@ class ContactOperator:
         taken.destroy()
 
     def join(self, rows: csr_matrix) -> None:
-        """Take the entries of other pairs of bodies."""
+        """Replace the entries, after the bodies were paired anew."""
         self._gathered.destroy()
         self._scatter.destroy()
         self._join(rows)
 
     def values(self, displacement: FloatArray) -> FloatArray:
-        """``T u`` (k, d) of the owned values of a displacement; values behind them do not count."""
+        """``T u`` (k, d) of local values of a displacement, of which only the owned ones count."""
         at_blocks = self.at_blocks(displacement)
         return np.asarray(self.local @ at_blocks if self._nodal is None else at_blocks[self._nodal])
 
@@ -82,7 +82,7 @@ class ContactOperator:
         return np.array(self._vector.array_r)
 
     def pattern(self, like: PETSc.Mat) -> PETSc.Mat:
-        """A matrix with the entries of a :class:`PointStiffness`, which the caller frees."""
+        """A matrix with the pattern of a :class:`PointStiffness`, which the caller destroys."""
         matrix = PETSc.Mat().create(self.comm)
         matrix.setSizes(like.getSizes())
         matrix.setBlockSize(self.dim)
@@ -122,8 +122,8 @@ class ContactOperator:
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        for item in (self._vector, self._gathered, self._scatter):
-            item.destroy()
+        for petsc_object in (self._vector, self._gathered, self._scatter):
+            petsc_object.destroy()
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ class PointStiffness:
     blocks: FloatArray
 
     def add_to(self, matrix: PETSc.Mat, free: FloatArray) -> None:
-        """Add it to a matrix, which is not assembled, between free dofs; collective.
+        """Add it to a matrix between free dofs, without assembling the matrix; collective.
 
         ``free`` is 1 at the free owned dofs, and 0 at the others.
         """

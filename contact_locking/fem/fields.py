@@ -2,8 +2,8 @@
 
 The problem takes an expression at nodes, at midpoints of cells, or at points of a quadrature rule.
 :func:`features` samples the expression at many more points inside of each cell or facet, so that
-narrow features, jumps and poles are told.  A feature that is narrower than the distance of these
-points may still be missed.
+narrow features, jumps and poles are reported.  A feature that is narrower than the distance of
+these points may still be missed.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from contact_locking.values.value import Value
 #: The values (k,) of data at points (k, d), NaN or infinite where there are none.
 Values = Callable[[FloatArray], FloatArray]
 
-# All entities together have about so many points, and so many are in memory at a time.
+# The most sampling points of all entities together, and the most in memory at a time.
 _POINTS, _CHUNK = 400_000, 200_000
-# An entity is halved so many times at most: 128 parts of an edge, 1024 of a triangle, 512 of a
-# tetrahedron.
+# The most halvings of an entity by its dimension: into 128 parts of an edge, 1024 of a triangle,
+# 512 of a tetrahedron.
 _MOST_HALVINGS = {1: 7, 2: 5, 3: 3}
 # Inside of an entity data may differ from an affine function by this share of their size.
 _BENDS = 0.2
@@ -73,7 +73,7 @@ def rule(dim: int, halvings: int, degree: int) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class Entities:
-    """The cells or facets of a kind of a rank on which data are given, each on one rank only.
+    """The owned cells or facets on which data act.
 
     They are n simplices: boxes are divided.  ``corners`` (n, dim + 1, d) are their corners, and
     ``sizes`` (n,) their lengths, areas or volumes.  ``halvings`` says how often a simplex is halved
@@ -216,7 +216,7 @@ def _filled(values: FloatArray) -> FloatArray:
 
 
 _HIDDEN = 1e-12
-# Data are sampled at so many times of a process, the first and the last among them.
+# The number of times of a process at which data are sampled, the first and the last among them.
 _TIMES = 8
 _UP_TO_ONE = [number / _TIMES for number in range(_TIMES + 1)]
 # By the number of corners.
@@ -227,8 +227,8 @@ class Clock:
     """The time t on a mesh: ``now`` for values at points, ``constant`` for the forms.
 
     ``planned`` are the times of a process, which begins at 0 or at the first of them.
-    ``some_times`` are some of these at which data are sampled, and times up to t = 1 where a script
-    tells the times of its steps later.
+    ``some_times`` are some of these, at which data are sampled; without planned times, as in a
+    script, times up to t = 1.
     """
 
     def __init__(self, mesh: dolfinx.mesh.Mesh, planned: Sequence[float] = ()) -> None:
@@ -273,7 +273,7 @@ class PresentValue:
     def __init__(self, value: Value, key: str, clock: Clock, shape: tuple[int, ...] = ()) -> None:
         self.value, self.key, self.clock, self._shape = value, key, clock, shape
         self._so_far = LargestSoFar()
-        # What stands for a table, or for a function of points, in UFL.
+        # The coefficient in UFL of each table, or of a function of points.
         self._coefficients: dict[Any, fem.Constant | fem.Function] = {}
         self._degree = 1
         names = frozenset[str]() if value.expression is None else value.expression.names
@@ -319,7 +319,7 @@ class PresentValue:
         return value.expression.ufl(self._coefficients, **places)
 
     def refresh(self) -> None:
-        """Put what stands for tables and functions in UFL to the present time.
+        """Update the coefficients that represent tables and functions in UFL to the present time.
 
         The nodal values outside of a table are those of its end: a cell on the boundary has nodes
         where a load does not act.
@@ -327,7 +327,7 @@ class PresentValue:
         now = self.clock.now
         for data, coefficient in self._coefficients.items():
             if isinstance(coefficient, fem.Constant):
-                coefficient.value = data.clamped(**{TIME: now})
+                coefficient.value = data.table.clamped(data.argument_at(**{TIME: now}))
             else:
                 coefficient.interpolate(partial(self._at, data, time=now))
 
@@ -363,4 +363,4 @@ class PresentValue:
         if isinstance(data, Value):
             return data.at(x[: self.clock.mesh.geometry.dim], time)
         places: dict[str, Any] = dict(zip(AXES, x, strict=False))
-        return data.clamped(**places, **{TIME: time}) + 0.0 * x[0]
+        return data.table.clamped(data.argument_at(**places, **{TIME: time})) + 0.0 * x[0]

@@ -1,8 +1,8 @@
 """Elements: the spaces of the discretisation, and the points, with weights, at which the laws hold.
 
-All that depends on the element is here, so that another element is another :class:`Element`.  In
-the cells the points are corners, midpoints, or those of Gauss's rule of degree 2; on Gamma_C they
-are those of the element's :class:`Trace`.
+All that depends on the element is in this module, so that a new element is a new object of
+:class:`Element`.  The points in the cells are corners, midpoints, or those of Gauss's rule of
+degree 2; those on Gamma_C belong to the element's :class:`Trace`.
 """
 
 from __future__ import annotations
@@ -252,7 +252,7 @@ class Element:
     The points of ``locking_rule``, the rule for integrals of the locking law over the cells, must
     be the points of the strains: the limit then holds at these points, with the weights of the
     rule.  ``elastic_rule`` is the rule for integrals of the elastic stress; the empty rule is exact
-    for elastic coefficients that are affine in a cell.  ``trace`` tells at which points of Gamma_C
+    for elastic coefficients that are affine in a cell.  ``trace`` has the points on Gamma_C where
     contact and friction act.  ``kinematics`` are those of the body.
     """
 
@@ -308,7 +308,7 @@ class Element:
     def shared_strain_space(
         self, kept: Kept, mesh: dolfinx.mesh.Mesh, shape: tuple[int, ...] = ()
     ) -> fem.FunctionSpace:
-        """The :meth:`strain_space` that all have who share ``kept``; collective.
+        """The :meth:`strain_space`, made once for each ``kept``; collective.
 
         DOLFINx takes some milliseconds to make one, as long as a tangent of a small problem.
         """
@@ -378,7 +378,7 @@ P1 = Element(
 
 
 def _nodes_alike(*points: tuple[float, ...], measure: float) -> Rule:
-    """The rule with equal weights at the nodes of the reference facet, which has a measure."""
+    """The rule with equal weights at the nodes of the reference facet of this measure."""
     return {
         "quadrature_rule": "custom",
         "quadrature_points": points,

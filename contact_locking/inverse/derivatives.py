@@ -113,9 +113,9 @@ class Put:
             refresh(frozen.problem, frozen.system)
 
 
-def number_of(given: Number) -> Put:
+def number_of(number: Number) -> Put:
     """A number of a script."""
-    return Put(given.name, given.value, partial(setattr, given, "value"))
+    return Put(number.name, number.value, partial(setattr, number, "value"))
 
 
 def entries(constant: fem.Constant) -> list[Put]:
@@ -226,7 +226,7 @@ class Derivatives:
             return self._table(quantities, parameters, np.array(columns).T)
 
     def _table(
-        self, quantities: Sequence[Quantity], parameters: Sequence[Parameter], found: FloatArray
+        self, quantities: Sequence[Quantity], parameters: Sequence[Parameter], rates: FloatArray
     ) -> Table:
         values = evaluated(self.linear.equations, quantities).values
         system = self.frozen.system
@@ -237,8 +237,8 @@ class Derivatives:
             tuple(quantity.name for quantity in quantities),
             tuple(parameter.name for parameter in parameters),
             values,
-            found,
-            found * at / np.where(are_nothing, np.nan, values)[:, None],
+            rates,
+            rates * at / np.where(are_nothing, np.nan, values)[:, None],
             are_nothing,
         )
 
@@ -293,21 +293,21 @@ _POINT_WIDTH = 1e-5
 
 def field(made: Derivatives, name: str, of: fem.Function) -> fem.Function:
     """The derivatives of a quantity by the values of a function, in its space; collective."""
-    comm, given = made.domain.comm, np.abs(of.x.array)
+    comm, magnitudes = made.domain.comm, np.abs(of.x.array)
     # Each value has its own width of differences.
-    sizes = np.where(given > 0.0, given, maximum(comm, given) or 1.0)
+    sizes = np.where(magnitudes > 0.0, magnitudes, maximum(comm, magnitudes) or 1.0)
     first, end = (of.x.block_size * bound for bound in of.x.index_map.local_range)
-    every, own = range(of.x.block_size * of.x.index_map.size_global), slice(0, end - first)
+    every, owned = range(of.x.block_size * of.x.index_map.size_global), slice(0, end - first)
     # All ranks draw the same direction.
     random = _with_owned(of, np.random.default_rng(0).uniform(0.5, 1.5, len(every))[first:end])
     direction = sizes * random.x.array
-    wanted = made.by(name, along(of, direction))
+    along_direction = made.by(name, along(of, direction))
     noise = _NOTHING * scale_of(name, made.domain, made.frozen.system)
-    for found in _by_forms(made, name, of, _POINT_WIDTH * sizes):
-        gains = (found.x.array * direction)[own]
+    for candidate in _by_forms(made, name, of, _POINT_WIDTH * sizes):
+        gains = (candidate.x.array * direction)[owned]
         gain, most = comm.allreduce(np.array([gains.sum(), np.abs(gains).sum()]))
-        if abs(gain - wanted) <= _AGREES * most + noise:
-            return found
+        if abs(gain - along_direction) <= _AGREES * most + noise:
+            return candidate
     values = np.empty(end - first)
     for place in every:
         unit = _with_owned(of, (np.arange(first, end) == place).astype(float))
@@ -319,10 +319,10 @@ def field(made: Derivatives, name: str, of: fem.Function) -> fem.Function:
 
 def _with_owned(like: fem.Function, values: FloatArray) -> fem.Function:
     """A function in the space of another one with these owned values; collective."""
-    found = fem.Function(like.function_space)
-    found.x.array[: len(values)] = values
-    found.x.scatter_forward()
-    return found
+    function = fem.Function(like.function_space)
+    function.x.array[: len(values)] = values
+    function.x.scatter_forward()
+    return function
 
 
 def _by_forms(
@@ -337,11 +337,11 @@ def _by_forms(
         test = frozen.system.function_of(adjoint.displacement)
         functional = forms.external_work(test, data) - forms.elastic_form(u, test, data)
         functional += quantity.functional(equations)
-        found = _derivative(functional, of)
-        yield found
+        result = _derivative(functional, of)
+        yield result
         pairs = [
-            (one, _derivative(functional, one).x.array)
-            for one in _moved(problem, functional, of, steps)
+            (function, _derivative(functional, function).x.array)
+            for function in _moved(problem, functional, of, steps)
         ]
         for family in equations.families:
             if isinstance(family, LimitsOfStrain):
@@ -350,33 +350,33 @@ def _by_forms(
                 by_limit = np.atleast_2d(adjoint.gaps[family])[0]
                 gains[family.strains.dofs] = -family.weights * by_limit * family.limit**2
                 pairs.append((inverse, gains))
-        found.x.array[:] += _through_points(problem, pairs, of, steps).x.array
-        yield found
+        result.x.array[:] += _through_points(problem, pairs, of, steps).x.array
+        yield result
 
 
 def _derivative(functional: ufl.Form, of: fem.Function) -> fem.Function:
     """The derivative of a functional by a function, as a function in its space; collective."""
-    test, found = ufl.TestFunction(of.function_space), fem.Function(of.function_space)
+    test, result = ufl.TestFunction(of.function_space), fem.Function(of.function_space)
     form = ufl.algorithms.expand_derivatives(ufl.derivative(functional, of, test))
-    JointForm(form).assemble_vector(found.x)
-    found.x.scatter_forward()
-    return found
+    JointForm(form).assemble_vector(result.x)
+    result.x.scatter_forward()
+    return result
 
 
 def _moved(
     problem: DiscreteProblem, functional: ufl.Form, of: fem.Function, steps: FloatArray
 ) -> list[fem.Function]:
     """The other functions in a functional that follow a function of the data; collective."""
-    others = [one for one in functional.coefficients() if one is not of]
-    before, given = [one.x.array.copy() for one in others], of.x.array.copy()
+    others = [function for function in functional.coefficients() if function is not of]
+    before, start = [function.x.array.copy() for function in others], of.x.array.copy()
     of.x.array[:] += steps
     _read(problem)
     moved = [
-        one
-        for one, values in zip(others, before, strict=True)
-        if on_any_rank(problem.domain.comm, one.x.array != values)
+        function
+        for function, values in zip(others, before, strict=True)
+        if on_any_rank(problem.domain.comm, function.x.array != values)
     ]
-    of.x.array[:] = given
+    of.x.array[:] = start
     _read(problem)
     return moved
 
@@ -397,10 +397,10 @@ def _through_points(
 
     ``pairs`` are these functions and the gains by their values.  Collective.
     """
-    found, size = fem.Function(of.function_space), of.x.block_size
-    given, by_number = of.x.array.copy(), found.x.array.reshape(-1, size)
-    dofs, here = _owned_cells(of), np.arange(len(by_number), dtype=np.int32)
-    everywhere = of.x.index_map.local_to_global(here)
+    result, size = fem.Function(of.function_space), of.x.block_size
+    start, by_number = of.x.array.copy(), result.x.array.reshape(-1, size)
+    dofs, local = _owned_cells(of), np.arange(len(by_number), dtype=np.int32)
+    everywhere = of.x.index_map.local_to_global(local)
     numbers = everywhere[dofs]
     for apart in _sets_apart(np.vstack(problem.domain.comm.allgather(numbers))):
         cells, columns = np.nonzero(apart[numbers])
@@ -410,20 +410,20 @@ def _through_points(
             moved[apart[everywhere], component] = 1.0
             sides = []
             for sign in (1.0, -1.0):
-                of.x.array[:] = given + sign * moved.reshape(-1) * steps
+                of.x.array[:] = start + sign * moved.reshape(-1) * steps
                 _read(problem)
-                sides.append([one.x.array.copy() for one, _ in pairs])
+                sides.append([function.x.array.copy() for function, _ in pairs])
             gained = np.zeros(len(dofs))
-            for (one, gains), above, below in zip(pairs, *sides, strict=True):
-                by_block = (gains * (above - below)).reshape(-1, one.x.block_size).sum(axis=1)
-                gained += by_block[_owned_cells(one)].sum(axis=1)
+            for (function, gains), above, below in zip(pairs, *sides, strict=True):
+                by_block = (gains * (above - below)).reshape(-1, function.x.block_size).sum(axis=1)
+                gained += by_block[_owned_cells(function)].sum(axis=1)
             widths = 2.0 * steps.reshape(-1, size)[places, component]
             np.add.at(by_number[:, component], places, gained[cells] / widths)
-    of.x.array[:] = given
+    of.x.array[:] = start
     _read(problem)
-    found.x.scatter_reverse(la.InsertMode.add)
-    found.x.scatter_forward()
-    return found
+    result.x.scatter_reverse(la.InsertMode.add)
+    result.x.scatter_forward()
+    return result
 
 
 def _owned_cells(of: fem.Function) -> IndexArray:
@@ -435,9 +435,9 @@ def _owned_cells(of: fem.Function) -> IndexArray:
 def _sets_apart(cells: IntArray) -> Iterator[BoolArray]:
     """Sets of numbers, of which no two are in one row, that have each number once."""
     count = int(cells.max(initial=-1)) + 1
-    order, left = np.random.default_rng(0).permutation(count), np.ones(count, dtype=bool)
-    while left.any():
-        chosen, free = np.zeros(count, dtype=bool), left.copy()
+    order, remaining = np.random.default_rng(0).permutation(count), np.ones(count, dtype=bool)
+    while remaining.any():
+        chosen, free = np.zeros(count, dtype=bool), remaining.copy()
         while free.any():
             # A number is chosen that comes before all others in its rows.
             ranks = np.where(free, order, -1)[cells]
@@ -447,5 +447,5 @@ def _sets_apart(cells: IntArray) -> Iterator[BoolArray]:
             chosen |= new
             free &= ~new
             free[cells[new[cells].any(axis=1)]] = False
-        left &= ~chosen
+        remaining &= ~chosen
         yield chosen

@@ -96,11 +96,11 @@ class Equations:
 
     def __init__(self, system: System, target: Target, iterate: SavedState) -> None:
         if system.data.own_energy is not None:
-            raise InputError("there are no derivatives with your own energy", "energy")
+            raise InputError("there are no derivatives with a user-defined energy", "energy")
         for contact in system.rubbing:
             if not contact.friction.is_coulomb:
                 raise InputError(
-                    "there are no derivatives with your own friction bound", contact.key
+                    "there are no derivatives with a user-defined friction bound", contact.key
                 )
         self.system, self.target = system, target
         self._owned = len(system.load)
@@ -139,11 +139,11 @@ class Equations:
         forces = np.append(vector.array_r, travels)
         free = np.append(system.constraints.free_part(vector.array_r), travels)
         vector.destroy()
-        wanted = [self._wanted(bound) - bound.friction.bound for bound in self.bounds]
+        bounds = [self._required(bound) - bound.friction.bound for bound in self.bounds]
         gaps = tuple(family.primal_gap() for family in self.families)
-        return Residual(forces, free, gaps, tuple(wanted), np.empty(0))
+        return Residual(forces, free, gaps, tuple(bounds), np.empty(0))
 
-    def _wanted(self, bound: MovingBound) -> FloatArray:
+    def _required(self, bound: MovingBound) -> FloatArray:
         """``mu(s) |R p|`` (k,) with the slip of the points, whose gaps move them; collective."""
         contact, nodes, points = bound.contact, bound.friction.nodes, bound.friction.x
         slips = contact.slips(self.system.u)
@@ -159,8 +159,8 @@ class Equations:
 def require_solved(equations: Equations) -> None:
     """Raise InputError if the equations do not hold at their iterate; collective."""
     residual, system = equations.residual(), equations.system
-    left = residual.free[: len(system.load)]
-    force = float(np.sqrt(system.comm.allreduce(float(left @ left))))
+    forces = residual.free[: len(system.load)]
+    force = float(np.sqrt(system.comm.allreduce(float(forces @ forces))))
     holds = force <= _FORCES * system.force_scale(1.0)
     moved = system.largest_displacement()
     target = equations.target
@@ -199,10 +199,10 @@ def _judged(family: Family, stiffness: float, comm: MPI.Intracomm) -> tuple[str,
         if not family.takes_part:
             return "friction", np.zeros(len(family.weights), dtype=bool)
         slip, bound = norm(family.x[1:]), family.bound
-        left = bound - norm(family.z[1:])
+        reserve = bound - norm(family.z[1:])
         holds = bound > _NEAR * maximum(comm, bound)
-        near = (slip <= _NEAR * maximum(comm, slip)) & (left <= _NEAR * bound)
-        return "friction", np.asarray(holds & (near | untold(stiffness * slip, left)))
+        near = (slip <= _NEAR * maximum(comm, slip)) & (reserve <= _NEAR * bound)
+        return "friction", np.asarray(holds & (near | untold(stiffness * slip, reserve)))
     kind = "contact" if isinstance(family, ContactCones) else "strain"
     if not family.takes_part:
         # The multipliers of an elastic solution are zero; these points are nearly reached.

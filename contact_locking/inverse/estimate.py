@@ -117,10 +117,10 @@ class _Place:
         change = value - self.x[number]
         right = self.residuals + self.slopes[:, number] * change
         steps = np.linalg.lstsq(self.slopes[:, others], -right, rcond=ROUNDING)[0]
-        x, left = self.x.copy(), right + self.slopes[:, others] @ steps
+        x, residuals = self.x.copy(), right + self.slopes[:, others] @ steps
         x[number] = value
         x[others] += steps
-        return np.clip(x, *bounds), float(left @ left)
+        return np.clip(x, *bounds), float(residuals @ residuals)
 
 
 @dataclass(frozen=True)
@@ -185,9 +185,9 @@ class _Intervals:
             if high <= _FACTOR * low:
                 break
             middle = math.sqrt(low * high)
-            found = self._at(number, side * middle, place, most)
-            if found is not None and found.misfit <= most:
-                low, place = middle, found
+            trial = self._at(number, side * middle, place, most)
+            if trial is not None and trial.misfit <= most:
+                low, place = middle, trial
             else:
                 high = middle
         # Only the bound itself is excluded, or the farthest number.
@@ -216,13 +216,13 @@ class _Intervals:
             if place is not None and (place.misfit <= goal or expected > goal):
                 break
             numbers = [v.number(float(at)) for v, at in zip(self.variables, x, strict=True)]
-            found = self.misfit(np.array(numbers))
-            if found is None:
+            residuals = self.misfit(np.array(numbers))
+            if residuals is None:
                 break
             slopes = self.best.slopes
-            if found.derivatives is not None:
-                slopes = found.derivatives * rates(self.variables, np.array(numbers))
-            place = known = _Place(x, found.values, slopes)
+            if residuals.derivatives is not None:
+                slopes = residuals.derivatives * rates(self.variables, np.array(numbers))
+            place = known = _Place(x, residuals.values, slopes)
         return place
 
 
@@ -299,21 +299,20 @@ class _Trials:
 
     def residuals(self, numbers: FloatArray) -> FloatArray:
         """The residuals (m,), not finite where there are none.  Raises NotConverged at first."""
-        found = self._misfit(numbers)
-        if found is None:
+        residuals = self._misfit(numbers)
+        if residuals is None:
             if not self._known or not self._derives:
                 raise NotConverged(
-                    "a solve did not converge at the start of the fit, or beside it: give another "
-                    "start"
+                    "a solve did not converge at or near the start of the fit: give another start"
                 )
             # The search takes a shorter step where nothing is finite.
             return np.full_like(next(iter(self._known.values())).values, np.nan)
-        self._known[numbers.tobytes()] = found
+        self._known[numbers.tobytes()] = residuals
         if self._at_start is None:
-            self._at_start = influence(found, numbers)
+            self._at_start = influence(residuals, numbers)
         if not np.any(self.faded(numbers)):
             self._nearest = numbers
-        return found.values
+        return residuals.values
 
     def at(self, numbers: FloatArray) -> Residuals:
         return self._known[numbers.tobytes()]
@@ -321,19 +320,19 @@ class _Trials:
     def faded(self, numbers: FloatArray) -> BoolArray:
         """Which numbers (n,) matter much less here than at the start."""
         assert self._at_start is not None
-        here = influence(self.at(numbers), numbers)
-        return np.asarray((here <= _FADED * self._at_start) & (self._at_start > NO_INFLUENCE))
+        sizes = influence(self.at(numbers), numbers)
+        return np.asarray((sizes <= _FADED * self._at_start) & (self._at_start > NO_INFLUENCE))
 
     def beside(self, numbers: FloatArray, which: BoolArray) -> FloatArray | None:
         """Numbers (n,), of which some are nearer to where they mattered, with less misfit."""
         assert self._nearest is not None
-        here = self.at(numbers).values
+        values = self.at(numbers).values
         for share in _SHARES if np.any(which) else ():
             back = numbers + share * (self._nearest - numbers)
             trial = np.where(which, back, numbers)
-            found = self.residuals(trial)
+            beside = self.residuals(trial)
             # Comparisons with what is not finite are False.
-            if float(found @ found) < float(here @ here):
+            if float(beside @ beside) < float(values @ values):
                 return trial
         return None
 
@@ -361,16 +360,16 @@ def estimate(
         if at is not None:
             held = trials.faded(at)
     numbers, slopes, at_bound, converged, reason = end
-    by_x, left = rates(variables, numbers), trials.at(numbers).values
-    freedom = len(left) - len(variables)
-    total = float(left @ left)
+    by_x, residuals = rates(variables, numbers), trials.at(numbers).values
+    freedom = len(residuals) - len(variables)
+    total = float(residuals @ residuals)
     scatter = total / freedom if freedom > 0 else (1.0 if has_errors else np.inf)
     # Known errors that are too small for the residuals do not make the numbers more certain.
     scale = float(np.sqrt(max(1.0, scatter) if has_errors else scatter))
     errors, correlation = _covariance(slopes, scale)
     quantile = float(student.ppf(0.975, freedom if freedom > 0 else np.inf))
     x = np.array([v.searched(value) for v, value in zip(variables, numbers, strict=True)])
-    judged = _Intervals(variables, misfit, _Place(x, left, slopes), quantile, scale)
+    judged = _Intervals(variables, misfit, _Place(x, residuals, slopes), quantile, scale)
     intervals = np.array([judged.of(place, float(error)) for place, error in enumerate(errors)])
     # There is no standard error where the misfit is no parabola on one side.
     errors = np.where(np.isinf(intervals).any(axis=1), np.inf, errors)
@@ -400,14 +399,14 @@ def _least_squares(
     moved = [variables[place] for place in free]
 
     def numbers_at(x: FloatArray) -> FloatArray:
-        found = starts.copy()
-        found[free] = [v.number(value) for v, value in zip(moved, x, strict=True)]
-        return found
+        numbers = starts.copy()
+        numbers[free] = [v.number(value) for v, value in zip(moved, x, strict=True)]
+        return numbers
 
     def slopes_at(numbers: FloatArray) -> FloatArray:
-        found = trials.at(numbers).derivatives
-        assert found is not None
-        return found * rates(variables, numbers)
+        derivatives = trials.at(numbers).derivatives
+        assert derivatives is not None
+        return derivatives * rates(variables, numbers)
 
     def jacobian(x: FloatArray) -> FloatArray:
         numbers = numbers_at(x)
@@ -420,7 +419,7 @@ def _least_squares(
 
     at_bound = np.zeros(len(variables), dtype=bool)
     try:
-        found = least_squares(
+        result = least_squares(
             lambda x: trials.residuals(numbers_at(x)),
             np.zeros(len(free)),
             jac=jacobian if derives else "2-point",
@@ -436,10 +435,10 @@ def _least_squares(
             raise
         reason = f"the least squares are within {_OFFSET:g} standard errors"
         return stopped.numbers, slopes_at(stopped.numbers), at_bound, True, reason
-    numbers = numbers_at(found.x)
-    at_bound[free] = found.active_mask != 0
-    slopes = slopes_at(numbers) if derives else np.asarray(found.jac)
-    return numbers, slopes, at_bound, bool(found.status > 0), str(found.message)
+    numbers = numbers_at(result.x)
+    at_bound[free] = result.active_mask != 0
+    slopes = slopes_at(numbers) if derives else np.asarray(result.jac)
+    return numbers, slopes, at_bound, bool(result.status > 0), str(result.message)
 
 
 def offset(residuals: FloatArray, slopes: FloatArray) -> float:
@@ -458,11 +457,11 @@ def offset(residuals: FloatArray, slopes: FloatArray) -> float:
     return size / float(spread) if spread > 0.0 else np.inf
 
 
-def influence(found: Residuals, numbers: FloatArray) -> FloatArray:
+def influence(residuals: Residuals, numbers: FloatArray) -> FloatArray:
     """The derivatives (n,) by logarithms over the largest of them; ones without derivatives."""
-    if found.derivatives is None:
+    if residuals.derivatives is None:
         return np.ones(len(numbers))
-    size = np.linalg.norm(found.derivatives * numbers, axis=0)
+    size = np.linalg.norm(residuals.derivatives * numbers, axis=0)
     largest = float(size.max(initial=0.0))
     return np.asarray(size / largest) if largest > 0.0 else np.zeros(len(numbers))
 

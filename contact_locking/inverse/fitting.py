@@ -68,13 +68,13 @@ def fit(
     variables = variables_of(parameters)
     model = Model(parameters, experiments, target, comm)
     search = Search(model, variables, monitor)
-    for one in experiments:
-        for name in one.unused:
-            monitor.message(f"warning: {one.path}: the column {name[:60]!r} is not used")
-    found = search.run()
-    solution = _final_runs(model, found, target, comm, monitor)
+    for experiment in experiments:
+        for name in experiment.unused:
+            monitor.message(f"warning: {experiment.path}: the column {name[:60]!r} is not used")
+    estimate = search.run()
+    solution = _final_runs(model, estimate, target, comm, monitor)
     fingerprint = on_root(comm, partial(study_file.fit_fingerprint, parameters))
-    content = search.content(found)
+    content = search.content(estimate)
     content |= {"version": __version__, "fingerprint": fingerprint}
     problem = on_root_of(comm, target, partial(_write, target, content))
     if problem:
@@ -83,19 +83,21 @@ def fit(
 
 
 def _final_runs(
-    model: Model, found: Estimate, target: Path, comm: MPI.Intracomm, monitor: Monitor
+    model: Model, estimate: Estimate, target: Path, comm: MPI.Intracomm, monitor: Monitor
 ) -> Solution:
     """Run each experiment at the numbers that were found, and return the first; collective."""
-    cases = [[case for case in model.cases if case.experiment is one] for one in model.experiments]
+    cases = [
+        [case for case in model.cases if case.experiment is data] for data in model.experiments
+    ]
     if len(cases) > 1:
         monitor.message(f"the runs of {count(len(cases), 'experiment')}")
     solutions = []
     for number, (*_, case) in enumerate(cases):
-        plain = model.case_parameters(case, list(map(float, found.numbers)))
-        wanted = plain.model_copy(update={"sensitivities": model.parameters.sensitivities})
+        plain = model.case_parameters(case, list(map(float, estimate.numbers)))
+        parameters = plain.model_copy(update={"sensitivities": model.parameters.sensitivities})
         folder = target / f"{number}-{case.experiment.path.stem}" if number else target
         with reserved(folder, comm) if number else nullcontext():
-            solutions.append(run(wanted, folder, comm, monitor)[0])
+            solutions.append(run(parameters, folder, comm, monitor)[0])
     return solutions[0]
 
 
@@ -148,12 +150,12 @@ class Compared:
 
     def as_mapping(self) -> dict[str, Any]:
         """For fit.json."""
-        one = self.experiment
-        along, over = "t", one.times
-        if over is None and one.varied:
-            along, over = next(iter(one.varied.items()))
+        experiment = self.experiment
+        along, over = "t", experiment.times
+        if over is None and experiment.varied:
+            along, over = next(iter(experiment.varied.items()))
         return {
-            "file": one.path.name,
+            "file": experiment.path.name,
             "column": self.column,
             "quantity": self.quantity,
             "along": along,
@@ -179,15 +181,15 @@ class Search:
         """The numbers of the least squares.  Raises NotConverged without a solution at first."""
         self._begin()
         compared = self.compared(self._start)
-        for one in compared:
-            self._say(about_units(one.name, one.data, one.model))
+        for curve in compared:
+            self._say(about_units(curve.name, curve.data, curve.model))
         if not self._model.derives:
             self._say([f"{self._model.refusal}; without them each number takes one more solve"])
-        has_errors = all(one.sigma is not None for one in compared)
-        found = estimate(self._variables, self._misfit, has_errors, self._model.derives)
-        if not np.isfinite(found.scatter):
+        has_errors = all(curve.sigma is not None for curve in compared)
+        result = estimate(self._variables, self._misfit, has_errors, self._model.derives)
+        if not np.isfinite(result.scatter):
             self._say(["there are as many data as numbers, so that there is no standard error"])
-        return found
+        return result
 
     def _begin(self) -> None:
         """Evaluate the start, in which a strain limit that matters nowhere is lowered.
@@ -202,7 +204,7 @@ class Search:
             )
         for _ in range(_LOWERINGS):
             before, evaluations = self._variables, self._evaluations[_place(self._start)]
-            used = max((one.used for one in evaluations if one.used is not None), default=1.0)
+            used = max((each.used for each in evaluations if each.used is not None), default=1.0)
             lowered = {}
             for variable in before if used < _LOCKS else ():
                 number = max(_BELOW * used * variable.start, variable.least)
@@ -210,16 +212,16 @@ class Search:
                     lowered[variable.key] = dataclasses.replace(variable, start=number)
             if not lowered:
                 break
-            self._variables = [lowered.get(one.key, one) for one in before]
+            self._variables = [lowered.get(each.key, each) for each in before]
             if self._misfit(self._start) is None:
                 self._variables = before
                 break
             self._say(
                 [
                     f"{key}: nothing locks at the start, where the strain reaches "
-                    f"{per_cent(used)} of the limit; the search begins at {one.start:.4g}, where "
+                    f"{per_cent(used)} of the limit; the search begins at {each.start:.4g}, where "
                     "the body begins to lock"
-                    for key, one in lowered.items()
+                    for key, each in lowered.items()
                 ]
             )
 
@@ -233,38 +235,38 @@ class Search:
             self._monitor.message(f"warning: {text}")
 
     def _misfit(self, numbers: FloatArray) -> Residuals | None:
-        place, told = _place(numbers), ""
+        place, progress = _place(numbers), ""
         if place not in self._evaluations:
             self.evaluations += 1
-            found = self._model.evaluate(place, is_first=self.evaluations == 1)
+            evaluations = self._model.evaluate(place, is_first=self.evaluations == 1)
             pairs = zip(self._keys, place, strict=True)
-            told = ", ".join(f"{key} {value:.6g}" for key, value in pairs)
-            told = f"evaluation {self.evaluations}: {told}"
-            if found is None:
-                self._monitor.message(f"{told}: {self._model.failure}")
+            progress = ", ".join(f"{key} {value:.6g}" for key, value in pairs)
+            progress = f"evaluation {self.evaluations}: {progress}"
+            if evaluations is None:
+                self._monitor.message(f"{progress}: {self._model.failure}")
                 return None
-            self._evaluations[place] = found
+            self._evaluations[place] = evaluations
         compared = self.compared(numbers)
-        values = np.concatenate([(one.model - one.data) * one.weights for one in compared])
+        values = np.concatenate([(curve.model - curve.data) * curve.weights for curve in compared])
         slopes = [
-            one.derivatives * one.weights[:, None]
-            for one in compared
-            if one.derivatives is not None
+            curve.derivatives * curve.weights[:, None]
+            for curve in compared
+            if curve.derivatives is not None
         ]
-        if told:
-            self._monitor.message(f"{told}, misfit {float(values @ values):.4g}")
+        if progress:
+            self._monitor.message(f"{progress}, misfit {float(values @ values):.4g}")
         return Residuals(values, np.concatenate(slopes) if slopes else None)
 
     def compared(self, numbers: FloatArray) -> list[Compared]:
         """Each measured column with the model at numbers (n,) that were evaluated."""
         evaluations, model = self._evaluations[_place(numbers)], self._model
         steps = model.parameters.steps
-        found = []
-        for one in model.experiments:
-            values = np.zeros((len(one), len(model.quantities)))
+        curves = []
+        for data in model.experiments:
+            values = np.zeros((len(data), len(model.quantities)))
             slopes = np.zeros((*values.shape, len(self._keys)))
             for case, evaluation in zip(model.cases, evaluations, strict=True):
-                if case.experiment is one:
+                if case.experiment is data:
                     at, derivatives = evaluation.at(
                         case.times, 0.0 if steps is None else steps.start
                     )
@@ -272,47 +274,47 @@ class Search:
                     if derivatives is not None:
                         slopes[case.rows] = derivatives
             for place, (column, quantity) in enumerate(model.quantities):
-                if column in one.data:
-                    own = slopes[:, place] if model.derives else None
-                    found.append(Compared(one, column, quantity, values[:, place], own))
-        return found
+                if column in data.data:
+                    rates = slopes[:, place] if model.derives else None
+                    curves.append(Compared(data, column, quantity, values[:, place], rates))
+        return curves
 
-    def content(self, found: Estimate) -> dict[str, Any]:
+    def content(self, estimate: Estimate) -> dict[str, Any]:
         """The content of fit.json."""
-        keys, told = self._keys, [*self._said]
-        compared = self.compared(found.numbers)
-        free = 1.0 - len(keys) / sum(len(one.data) for one in compared)
-        for one in compared:
-            left = one.model - one.data
-            told += about_residuals(one.name, left, one.data, one.sigma, free)
+        keys, remarks = self._keys, [*self._said]
+        compared = self.compared(estimate.numbers)
+        free = 1.0 - len(keys) / sum(len(curve.data) for curve in compared)
+        for curve in compared:
+            residuals = curve.model - curve.data
+            remarks += about_residuals(curve.name, residuals, curve.data, curve.sigma, free)
         return {
             "parameters": {
                 variable.key: {
-                    "value": float(found.numbers[place]),
-                    "standard_error": float(found.errors[place]),
-                    "interval": found.intervals[place].tolist(),
+                    "value": float(estimate.numbers[place]),
+                    "standard_error": float(estimate.errors[place]),
+                    "interval": estimate.intervals[place].tolist(),
                     "start": variable.start,
-                    "at_bound": variable.key in found.at_bound,
+                    "at_bound": variable.key in estimate.at_bound,
                 }
                 for place, variable in enumerate(self._variables)
             },
-            "correlation": found.correlation.tolist(),
-            "misfit": found.misfit,
-            "scatter": found.scatter,
-            "undetermined": undetermined(found, keys),
+            "correlation": estimate.correlation.tolist(),
+            "misfit": estimate.misfit,
+            "scatter": estimate.scatter,
+            "undetermined": undetermined(estimate, keys),
             "combinations": [
                 {
-                    "powers": {key: float(one.powers[place]) for place, key in enumerate(keys)},
-                    "singular_value": one.singular,
-                    "standard_error": one.error,
+                    "powers": {key: float(pair.powers[place]) for place, key in enumerate(keys)},
+                    "singular_value": pair.singular,
+                    "standard_error": pair.error,
                 }
-                for one in found.combinations
+                for pair in estimate.combinations
             ],
             "evaluations": self.evaluations,
-            "converged": found.converged,
-            "reason": found.reason,
-            "words": told,
-            "curves": [one.as_mapping() for one in compared],
+            "converged": estimate.converged,
+            "reason": estimate.reason,
+            "words": remarks,
+            "curves": [curve.as_mapping() for curve in compared],
         }
 
 
@@ -342,23 +344,23 @@ def combination_name(combination: Combination, keys: Sequence[str]) -> str:
     return " ".join(f"{keys[i]}^{powers[i]:.2f}" for i in order)
 
 
-def undetermined(found: Estimate, keys: Sequence[str]) -> list[str]:
+def undetermined(estimate: Estimate, keys: Sequence[str]) -> list[str]:
     """The numbers that the data bound on one side, and the combinations that they leave open."""
-    bounds = [one_bound(float(low), float(high)) for low, high in found.intervals]
+    bounds = [one_bound(float(low), float(high)) for low, high in estimate.intervals]
     one_sided = {key: bound for key, bound in zip(keys, bounds, strict=True) if bound}
-    told = [f"{key}: {bound}; beyond, the misfit is flat" for key, bound in one_sided.items()]
-    least = NO_INFLUENCE * found.combinations[0].singular
-    for one in found.combinations:
-        name, is_open = combination_name(one, keys), not one.error <= UNDETERMINED
-        if np.isinf(found.scatter):
+    remarks = [f"{key}: {bound}; beyond, the misfit is flat" for key, bound in one_sided.items()]
+    least = NO_INFLUENCE * estimate.combinations[0].singular
+    for combination in estimate.combinations:
+        name, is_open = combination_name(combination, keys), not combination.error <= UNDETERMINED
+        if np.isinf(estimate.scatter):
             # Without residuals there is no noise to tell.
-            is_open = one.singular <= least
+            is_open = combination.singular <= least
         if is_open and name not in one_sided:
             error = "the data do not depend on it"
-            if np.isfinite(one.error):
-                error = f"its standard error is {per_cent(one.error)}"
-            told.append(f"{name}: {error}")
-    return told
+            if np.isfinite(combination.error):
+                error = f"its standard error is {per_cent(combination.error)}"
+            remarks.append(f"{name}: {error}")
+    return remarks
 
 
 def one_bound(low: float | None, high: float | None) -> str:
@@ -371,15 +373,15 @@ def one_bound(low: float | None, high: float | None) -> str:
 
 def about_units(column: str, data: FloatArray, model: FloatArray) -> list[str]:
     """Whether data and model at the start have magnitudes or signs that do not belong together."""
-    given, found = (float(np.max(np.abs(values), initial=0.0)) for values in (data, model))
-    if found == 0.0 and given > 0.0:
+    of_data, of_model = (float(np.max(np.abs(values), initial=0.0)) for values in (data, model))
+    if of_model == 0.0 and of_data > 0.0:
         return [f"{column}: the model has 0 at the start; does the body touch?"]
     if float(data @ model) < 0.0:
         return [f"{column}: the data and the model at the start have opposite signs"]
-    if given > 0.0 and not 1.0 / _OTHER_UNITS < given / found < _OTHER_UNITS:
+    if of_data > 0.0 and not 1.0 / _OTHER_UNITS < of_data / of_model < _OTHER_UNITS:
         return [
-            f"{column}: the largest of the data is {given:.3g}, and the model has {found:.3g} at "
-            "the start; are the units the same?"
+            f"{column}: the largest of the data is {of_data:.3g}, and the model has {of_model:.3g} "
+            "at the start; are the units the same?"
         ]
     return []
 
@@ -391,11 +393,11 @@ def about_residuals(
 
     ``free`` is the share of the data that no fitted number has used up.
     """
-    told = []
+    remarks = []
     if sigma is not None:
         total, freedom = float(np.sum((residuals / sigma) ** 2)), free * len(residuals)
         if freedom > 0.0 and chi2.sf(total, freedom) < _BY_CHANCE:
-            told.append(
+            remarks.append(
                 f"{column}: the residuals are {np.sqrt(total / freedom):.1f} times their standard "
                 "errors; the model lacks something, or the errors are larger"
             )
@@ -404,29 +406,29 @@ def about_residuals(
     changes, noise = int(np.sum(signs[1:] != signs[:-1])), 0.5 * max(len(signs) - 1, 0)
     too_few = changes < noise - _TOO_FEW * np.sqrt(0.5 * noise)
     if too_few and size > _NOISE * float(np.max(np.abs(data))):
-        told.append(
+        remarks.append(
             f"{column}: the residuals change their sign {changes} times, noise would do so about "
             f"{noise:.0f} times; the model lacks something, or its steps are too coarse"
         )
-    return told
+    return remarks
 
 
-def rows(found: Mapping[str, Any]) -> list[tuple[str, ...]]:
+def rows(content: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """The table of a terminal, of the content of fit.json."""
     table: list[tuple[str, ...]] = []
-    has_scatter = found["scatter"] is not None and bool(np.isfinite(found["scatter"]))
-    for key, entry in found["parameters"].items():
+    has_scatter = content["scatter"] is not None and bool(np.isfinite(content["scatter"]))
+    for key, entry in content["parameters"].items():
         error, (low, high) = entry["standard_error"], entry["interval"]
         if bound := one_bound(low, high):
-            told, between = bound, "95 %"
+            precision, between = bound, "95 %"
         elif error is None or not np.isfinite(error):
-            told = "not determined" if has_scatter else "no standard error"
+            precision = "not determined" if has_scatter else "no standard error"
             between = ""
         else:
-            told, between = f"± {error:.2g}", f"95 %: {low:.5g} to {high:.5g}"
+            precision, between = f"± {error:.2g}", f"95 %: {low:.5g} to {high:.5g}"
         place = "at a bound" if entry["at_bound"] else ""
-        table.append((key, f"{entry['value']:.6g}", told, between, place))
-    numbers = sum(len(curve["data"]) for curve in found["curves"])
-    told = count(found["evaluations"], "evaluation")
-    table.append(("misfit", f"{found['misfit']:.4g}", f"of {numbers} numbers", told, ""))
+        table.append((key, f"{entry['value']:.6g}", precision, between, place))
+    numbers = sum(len(curve["data"]) for curve in content["curves"])
+    precision = count(content["evaluations"], "evaluation")
+    table.append(("misfit", f"{content['misfit']:.4g}", f"of {numbers} numbers", precision, ""))
     return table

@@ -91,8 +91,8 @@ class _Answer:
     def plus(self, other: _Answer, share: float = 1.0) -> _Answer:
         """The answer plus a share of another one."""
         seen, reactions = (
-            {family: one + share * more[family] for family, one in mine.items()}
-            for mine, more in ((self.seen, other.seen), (self.reactions, other.reactions))
+            {family: values + share * added[family] for family, values in mine.items()}
+            for mine, added in ((self.seen, other.seen), (self.reactions, other.reactions))
         )
         return _Answer(self.displacement + share * other.displacement, seen, reactions)
 
@@ -146,11 +146,11 @@ class Linearisation:
         self._still()
         for family, gap in zip(self.equations.families, residual.gaps, strict=True):
             family.move(gap)
-        rest = [
+        reactions = [
             Reaction(family, family.reactions_of(family.step(np.zeros_like(family.seen)).dual))
             for family in self.equations.families
         ]
-        return self._moved(residual, rest)
+        return self._moved(residual, reactions)
 
     def centring(self, product: float) -> Change:
         """The step to products that are ``product`` in all cones and equations that hold.
@@ -158,24 +158,24 @@ class Linearisation:
         Comes before all other changes, which move the families; collective.
         """
         self._still()
-        rest = [
+        reactions = [
             Reaction(family, family.aim(product) - family.reactions)
             for family in self.equations.families
         ]
-        return self._moved(self.equations.residual(), rest)
+        return self._moved(self.equations.residual(), reactions)
 
-    def _moved(self, residual: Residual, rest: Sequence[Reaction]) -> Change:
-        """The change by a residual, with the reactions ``rest`` if nothing moves."""
-        found = self._solve(-residual.free, rest)
-        steps = self._steps(found)
+    def _moved(self, residual: Residual, reactions: Sequence[Reaction]) -> Change:
+        """The change by a residual, with the ``reactions`` if nothing moves."""
+        solution = self._solve(-residual.free, reactions)
+        steps = self._steps(solution)
         moved = [
-            law.moved(found.reactions[pressing], law.friction.slip_step(steps[law.friction]))
+            law.moved(solution.reactions[pressing], law.friction.slip_step(steps[law.friction]))
             for law, pressing in zip(self._laws, self._pressing, strict=True)
         ]
 
         def responses(bounds: FloatArray) -> list[Reaction]:
             parts = self._parts(bounds)
-            return [Reaction(law.friction, law.friction.response(part)) for law, _, part in parts]
+            return [Reaction(law.friction, law.friction.response(step)) for law, _, step in parts]
 
         def followed(answer: _Answer) -> FloatArray:
             """Less the change of the bounds by a response of the displacement."""
@@ -184,12 +184,12 @@ class Linearisation:
                 for law, pressing in zip(self._laws, self._pressing, strict=True)
             )
 
-        wanted = _joined(residual.bounds) + _joined(moved)
-        bounds, more = self._krylov(responses, followed, wanted)
-        found = found.plus(more)
-        for law, _, part in self._parts(bounds):
-            law.friction.bound_step = part
-        return Change(found.displacement, self._steps(found), found.reactions)
+        right = _joined(residual.bounds) + _joined(moved)
+        bounds, correction = self._krylov(responses, followed, right)
+        solution = solution.plus(correction)
+        for law, _, change in self._parts(bounds):
+            law.friction.bound_step = change
+        return Change(solution.displacement, self._steps(solution), solution.reactions)
 
     def _steps(self, answer: _Answer) -> dict[Family, Step]:
         return {family: family.step(answer.seen[family]) for family in self.equations.families}
@@ -207,44 +207,42 @@ class Linearisation:
 
     def adjoint(self, gradient: Gradient) -> Adjoint:
         """The gain by residuals of the quantity with this gradient."""
-        given = gradient.reactions
-        pulled = [Reaction(family, -family.block(values)) for family, values in given.items()]
-        found = self._solve(gradient.displacement, pulled)
+        pulls = gradient.reactions
+        pulled = [Reaction(family, -family.block(values)) for family, values in pulls.items()]
+        total = self._solve(gradient.displacement, pulled)
         frictions = [law.friction for law in self._laws]
-        wanted = _joined(
-            one.response_adjoint(given.get(one, np.zeros_like(one.seen))) for one in frictions
-        )
+        right = _joined(f.response_adjoint(pulls.get(f, np.zeros_like(f.seen))) for f in frictions)
 
         def seen(answer: _Answer) -> FloatArray:
-            return _joined(one.response_adjoint(answer.seen[one]) for one in frictions)
+            return _joined(f.response_adjoint(answer.seen[f]) for f in frictions)
 
         def pulled_by(bounds: FloatArray) -> list[Reaction]:
             """Less ``P^T y``: what bounds follow a displacement by."""
             reactions = []
-            for law, pressing, part in self._parts(bounds):
-                pressure, slip = law.moved_adjoint(part)
+            for law, pressing, bound in self._parts(bounds):
+                pressure, slip = law.moved_adjoint(bound)
                 reactions.append(Reaction(pressing, -pressing.stiffness * pressure))
                 reactions.append(Reaction(law.friction, -slip))
             return reactions
 
-        bounds, more = self._krylov(pulled_by, seen, wanted - seen(found))
-        found, parts = found.plus(more), self._parts(bounds)
+        bounds, correction = self._krylov(pulled_by, seen, right - seen(total))
+        total, parts = total.plus(correction), self._parts(bounds)
         gaps = {
-            one: one.move_adjoint(given.get(one, 0.0) - found.seen[one], -found.reactions[one])
-            for one in self.equations.families
+            f: f.move_adjoint(pulls.get(f, 0.0) - total.seen[f], -total.reactions[f])
+            for f in self.equations.families
         }
-        for law, _, part in parts:
-            slip = law.moved_adjoint(part)[1]
+        for law, _, bound in parts:
+            slip = law.moved_adjoint(bound)[1]
             gaps[law.friction][1 : 1 + len(slip)] += slip
-        return Adjoint(found.displacement, gaps, tuple(part for _, _, part in parts))
+        return Adjoint(total.displacement, gaps, tuple(bound for _, _, bound in parts))
 
     def gained(self, adjoint: Adjoint, residual: Residual) -> float:
         """The gain by a residual of the quantity of an adjoint, beside its own change."""
         local = -float(adjoint.displacement[: self._owned] @ residual.free[: self._owned])
         for family, gap in zip(self.equations.families, residual.gaps, strict=True):
             local += family.power(adjoint.gaps[family], gap)
-        for law, part, change in zip(self._laws, adjoint.bounds, residual.bounds, strict=True):
-            local += float(law.friction.weights @ (part * change))
+        for law, bound, change in zip(self._laws, adjoint.bounds, residual.bounds, strict=True):
+            local += float(law.friction.weights @ (bound * change))
         tools = -float(adjoint.displacement[self._owned :] @ residual.free[self._owned :])
         return float(self._comm.allreduce(local)) + tools
 
@@ -260,25 +258,25 @@ class Linearisation:
 
     def _solve(self, forces: FloatArray, reactions: Sequence[Reaction]) -> _Answer:
         """Solve with the tangent, and again for what rounding, or an iterative solver, leaves."""
-        found = self._nothing()
+        answer = self._nothing()
         for reaction in reactions:
-            found.reactions[reaction.family][:] += reaction.values
+            answer.reactions[reaction.family][:] += reaction.values
         for _ in range(_REFINEMENTS):
             self.solves += 1
             # Reactions and those to the displacement are far larger than their sum.
-            every = [Reaction(family, values) for family, values in found.reactions.items()]
-            elastic = self.tangent.elastic_times(found.displacement)
+            every = [Reaction(family, values) for family, values in answer.reactions.items()]
+            elastic = self.tangent.elastic_times(answer.displacement)
             du = self.tangent.answer(forces - elastic - self.tangent.forces(every), _ITERATIVE)
             seen = {family: family.see(du) for family in self.equations.families}
             blocks = {family: family.block(values) for family, values in seen.items()}
-            found = found.plus(_Answer(du, seen, blocks))
-            if self._size(du) <= _REFINED * self._size(found.displacement):
+            answer = answer.plus(_Answer(du, seen, blocks))
+            if self._size(du) <= _REFINED * self._size(answer.displacement):
                 break
-        return found
+        return answer
 
     def _nothing(self) -> _Answer:
         families = self.equations.families
-        seen, reactions = ({one: np.zeros_like(one.seen) for one in families} for _ in range(2))
+        seen, reactions = ({f: np.zeros_like(f.seen) for f in families} for _ in range(2))
         return _Answer(self.tangent.zeros(), seen, reactions)
 
     def _size(self, displacement: FloatArray) -> float:
@@ -295,13 +293,13 @@ class Linearisation:
 
         Raises NotConverged.
         """
-        found, left, start = np.zeros_like(right), right.copy(), self._norm(right)
+        solution, residual, start = np.zeros_like(right), right.copy(), self._norm(right)
         moved = self._nothing()
         known: list[tuple[FloatArray, FloatArray, _Answer]] = []
-        while self._norm(left) > _BOUNDS * start:
+        while self._norm(residual) > _BOUNDS * start:
             if len(known) == _MOST:
                 raise NotConverged("the derivative of the friction bounds was not found")
-            step = left.copy()
+            step = residual.copy()
             answer = self._solve(self.tangent.zeros(), pulled(step))
             image = step + seen(answer)
             for other, other_image, other_answer in known:
@@ -315,11 +313,11 @@ class Linearisation:
             step, image = np.asarray(step / size), np.asarray(image / size)
             answer = self._nothing().plus(answer, 1.0 / size)
             known.append((step, image, answer))
-            share = self._dot(image, left)
-            found += share * step
-            left -= share * image
+            share = self._dot(image, residual)
+            solution += share * step
+            residual -= share * image
             moved = moved.plus(answer, share)
-        return found, moved
+        return solution, moved
 
     def _dot(self, a: FloatArray, b: FloatArray) -> float:
         return float(self._comm.allreduce(float(self._weights @ (a * b))))

@@ -9,7 +9,6 @@ and their derivatives: a fit that was killed finds them again.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,7 +21,7 @@ from mpi4py import MPI
 from contact_locking import files, study_file
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import ContactLockingError, InputError, NoDerivatives, with_key
-from contact_locking.files import place_of, rows_of
+from contact_locking.files import numbers_in, place_of, rows_of
 from contact_locking.inverse.estimate import Variable
 from contact_locking.inverse.sensitivities import number_at, value_of, with_values
 from contact_locking.mesh.domain import Domain
@@ -97,91 +96,79 @@ def read_experiments(parameters: Parameters) -> list[Experiment]:
 
     Raises InputError for a file without a fit, and for curves that cannot be used.
     """
-    given = parameters.fit
-    if given is None:
+    section = parameters.fit
+    if section is None:
         raise InputError(
             "the file has no section fit; add one with data, quantities and parameters, as "
             "docs/guides/fit.md has it"
         )
-    several = len(given.data) > 1
-    found = [
-        _read(curve, f"fit.data.{number}" if several else "fit.data", given)
-        for number, curve in enumerate(given.data)
+    several = len(section.data) > 1
+    experiments = [
+        _read(curve, f"fit.data.{number}" if several else "fit.data", section)
+        for number, curve in enumerate(section.data)
     ]
-    for name in given.quantities:
-        if not any(name in one.data for one in found):
-            path = Path(given.data[0].file)
+    for name in section.quantities:
+        if not any(name in experiment.data for experiment in experiments):
+            path = Path(section.data[0].file)
             with rows_of(path, "fit.data") as rows:
                 header = [cell.strip() for cell in next(rows, [])]
                 with_key("fit.quantities", partial(place_of, name, header, path))
     steps = parameters.steps
-    for one in found:
+    for experiment in experiments:
         problem = ""
-        if steps is None and one.times is not None:
+        if steps is None and experiment.times is not None:
             problem = (
                 "has a column t, and the file has no steps: add a section such as "
                 "steps: {to: 1, count: 20}, or name the column by the key that varies"
             )
-        elif steps is None and not one.varied and len(one) > 1:
+        elif steps is None and not experiment.varied and len(experiment) > 1:
             problem = (
                 "has several rows, and nothing that differs between them: neither a column t nor "
                 "one with a key of the study file, as contact.gap"
             )
-        elif steps is not None and one.times is None:
+        elif steps is not None and experiment.times is None:
             problem = "has no column t, the times at which the steps are compared"
-        elif steps is not None and one.times is not None:
-            first, last = float(one.times.min()), float(one.times.max())
+        elif steps is not None and experiment.times is not None:
+            first, last = float(experiment.times.min()), float(experiment.times.max())
             if first < steps.start or last > steps.planned[-1] * (1.0 + 1e-9):
                 problem = (
                     f"has times from {first:g} to {last:g}, and the steps go from {steps.start:g} "
                     f"to {steps.planned[-1]:g}; are the units the same?"
                 )
         if problem:
-            raise InputError(f"{one.path} {problem}", one.key)
-    numbers, wanted = sum(one.count for one in found), len(given.parameters)
-    if numbers < wanted:
+            raise InputError(f"{experiment.path} {problem}", experiment.key)
+    numbers, needed = sum(experiment.count for experiment in experiments), len(section.parameters)
+    if numbers < needed:
         raise InputError(
-            f"{count(wanted, 'parameter')} to fit and {count(numbers, 'measured number')}: give "
+            f"{count(needed, 'parameter')} to fit and {count(numbers, 'measured number')}: give "
             "more data, or fit fewer parameters",
             "fit.parameters",
         )
-    return found
+    return experiments
 
 
-def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
+def _read(curve: Curve, key: str, section: FitParameters) -> Experiment:
     """The experiment of a file.  Raises InputError with the row of what is wrong."""
     path = Path(curve.file)
     with rows_of(path, key) as rows:
         header = [cell.strip() for cell in next(rows, [])]
-        columns = [name for name in given.quantities if name in header]
+        columns = [name for name in section.quantities if name in header]
         if not columns:
-            first = next(iter(given.quantities))
+            first = next(iter(section.quantities))
             with_key("fit.quantities", partial(place_of, first, header, path))
         keys = [name for name in header if "." in name]
         errors = [name for name in (SIGMA, *(f"{SIGMA}_{c}" for c in columns)) if name in header]
         times = [TIME] if TIME in header else []
-        wanted = [*times, *keys, *columns, *errors]
-        places = [with_key(key, partial(place_of, name, header, path)) for name in wanted]
-        numbers: list[list[float]] = []
-        for line, row in enumerate(rows, 2):
-            if not any(cell.strip() for cell in row):
-                continue
-            read = [files.number_at(place, row) for place in places]
-            for name, (value, text) in zip(wanted, read, strict=True):
-                if not math.isfinite(value):
-                    raise InputError(
-                        f"{path}, row {line}, {name}: {text!r} is no finite number", key
-                    )
-            numbers.append([value for value, _ in read])
+        names = [*times, *keys, *columns, *errors]
+        places = {name: with_key(key, partial(place_of, name, header, path)) for name in names}
+        numbers = with_key(key, partial(numbers_in, rows, places, path))
     if not numbers:
         raise InputError(f"{path} has no rows of numbers below its first row", key)
-    table = dict(zip(wanted, np.array(numbers).T, strict=True))
+    table = dict(zip(names, np.array(numbers).T, strict=True))
     for name in errors:
         if not np.all(table[name] > 0.0):
             raise InputError(f"{path}: {name} must be positive, it is a standard error", key)
-    sigma = {
-        name: table[own] for name in columns for own in (SIGMA, f"{SIGMA}_{name}") if own in table
-    }
+    sigma = {name: table[s] for name in columns for s in (SIGMA, f"{SIGMA}_{name}") if s in table}
     return Experiment(
         key,
         path,
@@ -190,34 +177,34 @@ def _read(curve: Curve, key: str, given: FitParameters) -> Experiment:
         {name: table[name] for name in keys},
         {name: table[name] for name in columns},
         sigma,
-        tuple(name for name in header if name not in wanted and name),
+        tuple(name for name in header if name not in names and name),
     )
 
 
 def variables_of(parameters: Parameters) -> list[Variable]:
     """The numbers that are searched.  Raises InputError for keys that are no numbers."""
     assert parameters.fit is not None
-    found = []
-    for key, given in parameters.fit.parameters.items():
+    variables = []
+    for key, entry in parameters.fit.parameters.items():
         place = f"fit.parameters.{key}"
-        if given.start is not None:
+        if entry.start is not None:
             try:
-                with_start = with_values(parameters, {key: given.start})
+                with_start = with_values(parameters, {key: entry.start})
             except (InputError, KeyError) as error:
-                raise InputError(f"{key} cannot be {given.start:g}: {error}", place) from error
+                raise InputError(f"{key} cannot be {entry.start:g}: {error}", place) from error
             start = number_at(with_start, key, place)
         else:
             start = number_at(parameters, key, place)
-        least, largest = given.limits
-        is_log = given.scale == "log"
+        least, largest = entry.limits
+        is_log = entry.scale == "log"
         if not least <= start <= largest or (is_log and not start > 0.0):
             raise InputError(
                 f"{key} starts at {start:g}, the value of the file, which its bounds exclude; give "
                 "a start",
                 place,
             )
-        found.append(Variable(key, start, least, largest, is_log))
-    return found
+        variables.append(Variable(key, start, least, largest, is_log))
+    return variables
 
 
 EVALUATIONS = "evaluations"
@@ -247,8 +234,8 @@ class Evaluation:
         known = self.times if self.times[0] <= start else np.append(start, self.times)
 
         def between(values: FloatArray) -> FloatArray:
-            rest = np.zeros((len(known) - len(values), *values.shape[1:]))
-            every = np.concatenate([rest, values])
+            zeros = np.zeros((len(known) - len(values), *values.shape[1:]))
+            every = np.concatenate([zeros, values])
             return np.apply_along_axis(partial(np.interp, times, known), 0, every)
 
         slopes = self.derivatives
@@ -274,7 +261,7 @@ class Model:
         self.experiments = experiments
         self.quantities = tuple(parameters.fit.quantities.items())
         self.keys = tuple(parameters.fit.parameters)
-        self.cases = [case for one in experiments for case in one.cases()]
+        self.cases = [case for experiment in experiments for case in experiment.cases()]
         self.derives, self.failure, self.refusal = True, "", ""
         self._domains: dict[str, Domain] = {}
 
@@ -295,19 +282,19 @@ class Model:
 
         The errors of the ``first`` are raised.
         """
-        found = []
+        evaluations = []
         for case in self.cases:
             try:
-                one = self._of_case(case, numbers)
+                evaluation = self._of_case(case, numbers)
             except ContactLockingError as error:
                 if is_first:
                     raise
                 self.failure = str(error).splitlines()[0]
                 return None
-            if one is None:
+            if evaluation is None:
                 return None
-            found.append(one)
-        return found
+            evaluations.append(evaluation)
+        return evaluations
 
     def _of_case(self, case: Case, numbers: Sequence[float]) -> Evaluation | None:
         names = [quantity for _, quantity in self.quantities]
@@ -321,16 +308,16 @@ class Model:
             if kept is not None:
                 return kept
             try:
-                found = self._solved(derived if self.derives else plain, names)
+                evaluation = self._solved(derived if self.derives else plain, names)
             except NoDerivatives as error:
                 self.derives, self.refusal = False, str(error)
             except InputError as error:
                 key = _ASKED.get(error.key or "", error.key)
                 raise InputError(str(error), key) from error
             else:
-                if found is not None:
-                    on_root_of(self._comm, self._folder, partial(self._keep, name, found))
-                return found
+                if evaluation is not None:
+                    on_root_of(self._comm, self._folder, partial(self._keep, name, evaluation))
+                return evaluation
 
     def _solved(self, parameters: Parameters, names: Sequence[str]) -> Evaluation | None:
         mesh = f"{parameters.mesh.model_dump()} {parameters.refined_names}"
@@ -341,8 +328,8 @@ class Model:
         for solution in solve_steps(parameters, self._comm, domain=self._domains.get(mesh)):
             self._domains[mesh] = solution.domain
             if not solution.converged:
-                told = (solution.reason, solution.suggestion)
-                self.failure = ".  ".join(filter(None, told))
+                words = (solution.reason, solution.suggestion)
+                self.failure = ".  ".join(filter(None, words))
                 return None
             times.append(solution.time)
             values.append([value_of(name, solution) for name in names])
@@ -353,14 +340,14 @@ class Model:
                 slopes.append(
                     [[derived[name][key]["derivative"] for key in self.keys] for name in names]
                 )
-        found = Evaluation(
+        evaluation = Evaluation(
             None if parameters.steps is None else np.array(times),
             np.array(values),
             np.array(slopes) if slopes else None,
             max(used, default=None),
         )
         # Sums over ranks are rounded alike on all, and the search takes the same path on each.
-        return self._comm.bcast(found, root=0)
+        return self._comm.bcast(evaluation, root=0)
 
     def _kept(self, name: str) -> Evaluation | None:
         data = read_mapping(self._folder / EVALUATIONS / name) or {}
@@ -369,14 +356,14 @@ class Model:
                 None if data[name] is None else np.array(data[name], dtype=float)
                 for name in ("times", "values", "derivatives")
             )
-            found = Evaluation(times, np.asarray(values, dtype=float), derivatives, data["used"])
+            known = Evaluation(times, np.asarray(values, dtype=float), derivatives, data["used"])
         except (KeyError, TypeError, ValueError):
             return None
-        return found if found.values.shape[-1:] == (len(self.quantities),) else None
+        return known if known.values.shape[-1:] == (len(self.quantities),) else None
 
-    def _keep(self, name: str, found: Evaluation) -> None:
+    def _keep(self, name: str, evaluation: Evaluation) -> None:
         folder = self._folder / EVALUATIONS
         folder.mkdir(parents=True, exist_ok=True)
-        data = vars(found).items()
-        plain = {key: None if one is None else np.asarray(one).tolist() for key, one in data}
+        data = vars(evaluation).items()
+        plain = {key: None if x is None else np.asarray(x).tolist() for key, x in data}
         files.write_text(folder / name, json.dumps(plain) + "\n")

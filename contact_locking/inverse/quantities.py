@@ -69,7 +69,7 @@ def scale_of(name: str, domain: Domain, system: System) -> float:
     """The size of a quantity of this unit, by the energy and the displacement; collective."""
     length, energy = system.largest_displacement(), abs(system.elastic_energy())
     force = energy / length if length > 0.0 else 0.0
-    key = next((part for part in reversed(name.split(".")) if part in QUANTITIES), "")
+    key = next((word for word in reversed(name.split(".")) if word in QUANTITIES), "")
     of_tool = "length" if name.endswith(".travel") else "force"
     unit, face = QUANTITIES[key].unit if key else of_tool, domain.extent ** (domain.dim - 1)
     return {"energy": energy, "force": force, "stress": force / face, "length": length}[unit]
@@ -87,24 +87,24 @@ def quantity_of(name: str, domain: Domain, system: System) -> Quantity:
         return _Energy(name)
     if name == "pressure_max" and system.contacts:
         return _LargestPressure(name)
-    if found := re.fullmatch(r"(?:contacts\.([^.]+)\.)?(contact|friction)_force\.(\d)", name):
-        kind, axis = found[2], int(found[3])
-        chosen = _contacts_named(found[1], system)
+    if match := re.fullmatch(r"(?:contacts\.([^.]+)\.)?(contact|friction)_force\.(\d)", name):
+        kind, axis = match[2], int(match[3])
+        chosen = _contacts_named(match[1], system)
         if axis < dim and chosen:
             cones = ContactCones if kind == "contact" else FrictionCones
             return _Resultant(name, chosen, cones, axis)
-    if found := re.fullmatch(r"contacts\.([^.]+)\.tool\.travel", name):
+    if match := re.fullmatch(r"contacts\.([^.]+)\.tool\.travel", name):
         for number, tool in enumerate(system.tools):
-            own = system.contacts.index(tool.contact)
-            if own in _contacts_named(found[1], system):
+            index = system.contacts.index(tool.contact)
+            if index in _contacts_named(match[1], system):
                 return _Travel(name, number)
-    if found := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
-        reaction = _Reaction(name, found[1], int(found[2]), domain)
+    if match := re.fullmatch(r"reactions\.(.+)\.(\d)", name):
+        reaction = _Reaction(name, match[1], int(match[2]), domain)
         if reaction.axis < dim and (reaction.lifts(system) is not None or reaction.springs(system)):
             return reaction
-    derived = [item for item in QUANTITIES.values() if item.derives]
-    forces = [f"{item.key}.0" for item in derived if item.unit == "force"]
-    scalars = [item.key for item in derived if item.unit != "force"]
+    derived = [entry for entry in QUANTITIES.values() if entry.derives]
+    forces = [f"{entry.key}.0" for entry in derived if entry.unit == "force"]
+    scalars = [entry.key for entry in derived if entry.unit != "force"]
     each = [f"contacts.NAME.{force}" for force in forces]
     known = [*scalars, *forces, *each, "contacts.NAME.tool.travel", "reactions.PART.0"]
     raise InputError(
@@ -120,7 +120,7 @@ def _contacts_named(name: str | None, system: System) -> tuple[int, ...]:
     if name is None:
         of_foundations = [number for number in numbers if not system.contacts[number].against]
         return tuple(of_foundations) if len(numbers) > 1 else tuple(numbers)
-    named = [number for number in numbers if system.contacts[number].given.name == name]
+    named = [number for number in numbers if system.contacts[number].concept.name == name]
     return tuple(named or [number for number in numbers if str(number) == name])
 
 
@@ -144,20 +144,20 @@ class _Energy(Quantity):
         return system.elastic_energy() if self.is_stored else system.compliance()
 
     def gradient(self, equations: Equations) -> Gradient:
-        found, system = _nothing(equations), equations.system
+        gradient, system = _nothing(equations), equations.system
         count = len(system.load)
         forces = system.forms.elastic_forces(system.u)[:count] if self.is_stored else system.load
-        found[:count] = forces + system.forms.eigenstrain_forces()[:count]
-        return Gradient(found, {})
+        gradient[:count] = forces + system.forms.eigenstrain_forces()[:count]
+        return Gradient(gradient, {})
 
     def functional(self, equations: Equations) -> ufl.Form:
         data, u = equations.system.data, equations.system.u
         stored = 0.5 * forms.elastic_form(u, u, data)
-        found = stored if self.is_stored else forms.external_work(u, data)
+        energy = stored if self.is_stored else forms.external_work(u, data)
         if data.eigenstrain is None:
-            return found
-        found += forms.initial_work(u, data)
-        return found + forms.initial_energy(data) if self.is_stored else found
+            return energy
+        energy += forms.initial_work(u, data)
+        return energy + forms.initial_energy(data) if self.is_stored else energy
 
 
 @dataclass(frozen=True)
@@ -169,17 +169,17 @@ class _Resultant(Quantity):
     axis: int
 
     def _directions(self, equations: Equations) -> dict[Family, FloatArray]:
-        found: dict[Family, FloatArray] = {}
+        directions: dict[Family, FloatArray] = {}
         for family in equations.families:
             if not isinstance(family, ContactCones | FrictionCones):
                 continue
             if isinstance(family, self.cones) and family.nodes.number in self.contacts:
                 normal = family.nodes.normal
-                found[family] = -normal[self.axis]
+                directions[family] = -normal[self.axis]
                 if isinstance(family, FrictionCones):
                     unit = np.eye(len(normal))[self.axis]
-                    found[family] = normal[self.axis] * normal - unit[:, None]
-        return found
+                    directions[family] = normal[self.axis] * normal - unit[:, None]
+        return directions
 
     def value(self, equations: Equations, residual: Residual) -> float:
         directions = self._directions(equations)
@@ -206,10 +206,10 @@ class _LargestPressure(Quantity):
         return replace(self, place=(-rank, number, node) if number >= 0 else None)
 
     def value(self, equations: Equations, residual: Residual) -> float:
-        found = 0.0
+        largest = 0.0
         if self.place is not None and self.place[0] == equations.system.comm.rank:
-            found = float(equations.families[self.place[1]].z[self.place[2]])
-        return _sum(equations, found)
+            largest = float(equations.families[self.place[1]].z[self.place[2]])
+        return _sum(equations, largest)
 
     def gradient(self, equations: Equations) -> Gradient:
         if self.place is None:
@@ -232,9 +232,9 @@ class _Travel(Quantity):
         return equations.system.tools.travels[self.number]
 
     def gradient(self, equations: Equations) -> Gradient:
-        found = _nothing(equations)
-        found[len(equations.system.load) + self.number] = 1.0
-        return Gradient(found, {})
+        gradient = _nothing(equations)
+        gradient[len(equations.system.load) + self.number] = 1.0
+        return Gradient(gradient, {})
 
 
 @dataclass(frozen=True)
@@ -247,7 +247,7 @@ class _Reaction(Quantity):
 
     def value(self, equations: Equations, residual: Residual) -> float:
         system, count = equations.system, len(equations.system.load)
-        pulled = sum(item.forces(system.u)[:count] for item in self.springs(system))
+        pulled = sum(spring.forces(system.u)[:count] for spring in self.springs(system))
         local = float(np.sum(pulled * self._unit(system)))
         if (lifts := self.lifts(system)) is not None:
             local += float(lifts @ residual.forces[:count])
@@ -255,30 +255,30 @@ class _Reaction(Quantity):
 
     def gradient(self, equations: Equations) -> Gradient:
         system, count = equations.system, len(equations.system.load)
-        found, seen = _nothing(equations), dict[Family, FloatArray]()
+        gradient, seen = _nothing(equations), dict[Family, FloatArray]()
         unit = system.function_of(self._unit(system))
-        for item in self.springs(system):
-            found[:count] += item.forces(unit)[:count]
+        for spring in self.springs(system):
+            gradient[:count] += spring.forces(unit)[:count]
         if (lifts := self.lifts(system)) is not None:
             lifted = system.function_of(lifts)
-            found[:count] += system.forms.elastic_forces(lifted)[:count]
+            gradient[:count] += system.forms.elastic_forces(lifted)[:count]
             at_rest = _nothing(equations)
             at_rest[:count] = lifts
             seen = {family: family.see(at_rest) for family in equations.families}
-        return Gradient(found, seen)
+        return Gradient(gradient, seen)
 
     def functional(self, equations: Equations) -> ufl.Form:
-        system, data, found = equations.system, equations.system.data, ufl.Form([])
+        system, data, power = equations.system, equations.system.data, ufl.Form([])
         unit = system.function_of(self._unit(system))
-        for item in self.springs(system):
-            found -= item.form(system.u, unit)
+        for spring in self.springs(system):
+            power -= spring.form(system.u, unit)
         if (lifts := self.lifts(system)) is not None:
             lifted = system.function_of(lifts)
-            found += forms.elastic_form(system.u, lifted, data) - forms.external_work(lifted, data)
-        return found
+            power += forms.elastic_form(system.u, lifted, data) - forms.external_work(lifted, data)
+        return power
 
     def springs(self, system: System) -> list[ElasticSupport]:
-        return [item for item in system.data.springs if item.on == self.part]
+        return [spring for spring in system.data.springs if spring.on == self.part]
 
     def lifts(self, system: System) -> FloatArray | None:
         """The owned displacement whose work with reactions is the resultant; collective.
@@ -286,14 +286,14 @@ class _Reaction(Quantity):
         It follows the directions of supports; None for a part that holds nothing.
         """
         dim, count = system.dim, len(system.load)
-        found = np.zeros((count // dim, dim))
+        lift = np.zeros((count // dim, dim))
         for direction in range(dim):
             unit = np.tile(np.eye(dim)[direction], count // dim)
             shares = shares_by_part(self.domain, system.constraints, unit)
             if self.part not in shares:
                 return None
-            found[:, direction] = shares[self.part].reshape(-1, dim)[:, self.axis]
-        return found.reshape(-1)
+            lift[:, direction] = shares[self.part].reshape(-1, dim)[:, self.axis]
+        return lift.reshape(-1)
 
     def _unit(self, system: System) -> FloatArray:
         """The owned unit displacement along the axis."""

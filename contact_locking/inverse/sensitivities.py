@@ -57,13 +57,13 @@ def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to")
     section = key.partition(".")[0]
     if section in _NOT_SMOOTH:
         why = f"the equations do not depend smoothly on numbers of the section {section}"
-        raise InputError(f"{key}: {why}, so that there is no derivative by it", asked)
+        raise InputError(f"{key}: {why}, so that there is no derivative with respect to it", asked)
     value: Any = plain(parameters)
-    for part in key.split("."):
-        if isinstance(value, dict) and part in value:
-            value = value[part]
-        elif isinstance(value, list) and part.isdecimal() and int(part) < len(value):
-            value = value[int(part)]
+    for word in key.split("."):
+        if isinstance(value, dict) and word in value:
+            value = value[word]
+        elif isinstance(value, list) and word.isdecimal() and int(word) < len(value):
+            value = value[int(word)]
         else:
             named = key in (parameters.parameters or {})
             meant = f" (did you mean 'parameters.{key}'?)" if named else ""
@@ -75,9 +75,9 @@ def number_at(parameters: Parameters, key: str, asked: str = "sensitivities.to")
             asked,
         )
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise InputError(f"{key} is no number: there is no derivative by it", asked)
+        raise InputError(f"{key} is no number: there is no derivative with respect to it", asked)
     if not math.isfinite(value):
-        raise InputError(f"{key} is infinite: there is no derivative by it", asked)
+        raise InputError(f"{key} is infinite: there is no derivative with respect to it", asked)
     return float(value)
 
 
@@ -147,14 +147,14 @@ class LazyDerivatives:
         """As :meth:`contact_locking.results.solution.Solution.derivative`."""
         match of:
             case fem.Constant():
-                found = np.array([self.made.by(quantity, entry) for entry in entries(of)])
-                return found.reshape(np.shape(of.value)) if np.ndim(of.value) else float(found[0])
+                rates = np.array([self.made.by(quantity, entry) for entry in entries(of)])
+                return rates.reshape(np.shape(of.value)) if np.ndim(of.value) else float(rates[0])
             case fem.Function():
                 return field(self.made, quantity, of)
             case Number():
                 return self.made.by(quantity, number_of(of))
         raise InputError(
-            "a derivative is by a constant or a function of DOLFINx or by a Number, not by "
+            "derivatives are with respect to a constant or function of DOLFINx or a Number, not "
             f"{type(of).__name__}",
             "of",
         )
@@ -212,10 +212,10 @@ def require_known(problem: StudyProblem) -> None:
     """Raise InputError, without a solve, for what sensitivities or a fit cannot ask; collective."""
     parameters = problem.parameters
     solver = ProblemSolver(problem, settings_of(parameters))
-    if (given := parameters.sensitivities) is not None:
-        for name in given.to:
+    if (section := parameters.sensitivities) is not None:
+        for name in section.to:
             number_at(parameters, name)
-        require_derivatives(solver, given.of)
+        require_derivatives(solver, section.of)
     if parameters.fit is not None:
         try:
             require_derivatives(solver, tuple(parameters.fit.quantities.values()))
@@ -252,7 +252,7 @@ class StudyNumber:
     @contextmanager
     def equations_at(self, value: float, frozen: Frozen) -> Iterator[Equations]:
         """A context with the equations for one of the two values."""
-        (solver,) = (solver for own, _, solver in self._sides if own == value)
+        (solver,) = (solver for side, _, solver in self._sides if side == value)
         solver.system.assemble_loads()
         with closing(Equations(solver.system, solver.target, frozen.iterate)) as equations:
             yield equations
@@ -289,12 +289,12 @@ class Sensitivities:
     """
 
     def __init__(self, study: SolvableStudy) -> None:
-        given, solver = study.parameters.sensitivities, study.solver
-        assert given is not None
-        require_derivatives(solver, given.of)
-        self._given, self._solver, self._monitor = given, solver, solver.monitor
+        section, solver = study.parameters.sensitivities, study.solver
+        assert section is not None
+        require_derivatives(solver, section.of)
+        self._section, self._solver, self._monitor = section, solver, solver.monitor
         self._clock = study.problem.clock
-        self._numbers = [StudyNumber(study.problem, name) for name in given.to]
+        self._numbers = [StudyNumber(study.problem, name) for name in section.to]
         self._shares: dict[str, float] = {}
 
     def after(self, solution: Solution, report: Outcome) -> Solution:
@@ -313,39 +313,39 @@ class Sensitivities:
         for kind, share in share_at_change(derivatives.linear.equations).items():
             self._shares[kind] = max(share, self._shares.get(kind, 0.0))
         if steps is None:
-            table = derivatives.table(self._given.of, numbers)
+            table = derivatives.table(self._section.of, numbers)
         else:
             for number in numbers:
                 number.advance(time)
-            table, changes = derivatives.forward(self._given.of, numbers)
+            table, changes = derivatives.forward(self._section.of, numbers)
             for number, change in zip(numbers, changes, strict=True):
                 number.remember(solution.contacts, change, derivatives.frozen)
-        told = entry(table, self._shares)
-        if self._given.check and (steps is None or time == steps.planned[-1]):
-            self._check(told["sensitivities"], solution)
-        return solution.with_entries(**told)
+        summary = entry(table, self._shares)
+        if self._section.check and (steps is None or time == steps.planned[-1]):
+            self._check(summary["sensitivities"], solution)
+        return solution.with_entries(**summary)
 
-    def _check(self, found: dict[str, Any], solution: Solution) -> None:
+    def _check(self, entries: dict[str, Any], solution: Solution) -> None:
         """Add to each derivative the difference of two solves; collective."""
-        given, options = self._given, self._solver.settings.petsc
+        section, options = self._section, self._solver.settings.petsc
 
         def values(key: str, value: float) -> list[float] | None:
             changed = with_number(solution.parameters, key, value)
             changed = changed.model_copy(update={"sensitivities": None})
             problem = assemble(changed, solution.domain.comm, solution.domain, solution.element)
             other = solve_assembled(problem, Monitor(), options)
-            return [value_of(name, other) for name in given.of] if other.converged else None
+            return [value_of(name, other) for name in section.of] if other.converged else None
 
-        for key in given.to:
+        for key in section.to:
             self._monitor.message(f"solving twice around {key}, to check its derivatives")
             at = number_at(solution.parameters, key)
             step = _CHECK * (abs(at) or solution.domain.extent)
             above, below = (values(key, at + side) for side in (step, -step))
-            for place, name in enumerate(given.of):
+            for place, name in enumerate(section.of):
                 rate = None
                 if above is not None and below is not None:
                     rate = (above[place] - below[place]) / (2.0 * step)
-                found[name][key]["checked"] = rate
+                entries[name][key]["checked"] = rate
 
     def close(self) -> None:
         """Destroy the PETSc objects."""
@@ -355,17 +355,17 @@ class Sensitivities:
 
 def entry(table: Table, shares: dict[str, float]) -> dict[str, Any]:
     """The entries of summary.json about derivatives, with the shares of points near a change."""
-    elasticities, found = table.elasticities, dict[str, dict[str, Any]]()
+    elasticities, entries = table.elasticities, dict[str, dict[str, Any]]()
     for row, quantity in enumerate(table.quantities):
-        found[quantity] = {}
+        entries[quantity] = {}
         for column, name in enumerate(table.parameters):
-            one = {"derivative": float(table.derivatives[row, column])}
+            number = {"derivative": float(table.derivatives[row, column])}
             if table.are_nothing[row]:
-                reason = f"{quantity} is zero, which has no per cent"
-                found[quantity][name] = one | {"elasticity": None, "reason": reason}
+                reason = f"{quantity} is zero, so that its change in per cent is undefined"
+                entries[quantity][name] = number | {"elasticity": None, "reason": reason}
             else:
-                found[quantity][name] = one | {"elasticity": float(elasticities[row, column])}
-    return {"sensitivities": found, "share_at_change": {**shares, "in_words": in_words(shares)}}
+                entries[quantity][name] = number | {"elasticity": float(elasticities[row, column])}
+    return {"sensitivities": entries, "share_at_change": {**shares, "in_words": in_words(shares)}}
 
 
 def in_words(shares: dict[str, float]) -> str:
@@ -373,11 +373,11 @@ def in_words(shares: dict[str, float]) -> str:
     near = {name: share for name, share in shares.items() if share > 0.0}
     if not near:
         return "no point is near a change of its state: the derivatives hold on both sides"
-    told = ", ".join(f"{100.0 * share:.2g} % of {name}" for name, share in near.items())
+    in_sets = ", ".join(f"{100.0 * share:.2g} % of {name}" for name, share in near.items())
     count = "few" if max(near.values()) <= _MANY else "many"
     return (
-        f"{count} points are near a change of their state ({told}): there derivatives differ from "
-        "one side to the other; sensitivities.check compares with solves"
+        f"{count} points are near a change of their state ({in_sets}): there derivatives differ "
+        "from one side to the other; sensitivities.check compares with solves"
     )
 
 
@@ -388,10 +388,10 @@ def value_of(name: str, solution: Solution) -> float:
         return max(maximum(comm, fields.pressure) for fields in solution.contacts)
     value: Any = solution.summary
     # Names of boundary parts may have dots.
-    kind, _, rest = name.partition(".")
-    part, _, axis = rest.rpartition(".")
+    kind, _, place = name.partition(".")
+    name_of_part, _, axis = place.rpartition(".")
     if kind == "reactions":
-        return float(value[kind][part][int(axis)])
+        return float(value[kind][name_of_part][int(axis)])
     return float(look_up(value, name))
 
 
@@ -399,12 +399,12 @@ def in_rows(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """The table of derivatives, the numbers that matter most first; none without derivatives."""
     rows: list[tuple[str, ...]] = []
     for quantity, each in summary.get("sensitivities", {}).items():
-        by_size = sorted(each.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0))
-        for key, one in by_size:
-            elasticity = one["elasticity"]
-            none = str(one.get("reason", ""))
+        by_size = sorted(each.items(), key=lambda pair: -abs(pair[1]["elasticity"] or 0.0))
+        for key, entry in by_size:
+            elasticity = entry["elasticity"]
+            none = str(entry.get("reason", ""))
             share = none if elasticity is None else f"{elasticity:+.3g} % for 1 %"
-            checked = one.get("checked")
-            told = "" if checked is None else f"by solves {checked:.4g}"
-            rows.append((f"d {quantity}/d {key}", f"{one['derivative']:.4g}", share, told))
+            checked = entry.get("checked")
+            check = "" if checked is None else f"by solves {checked:.4g}"
+            rows.append((f"d {quantity}/d {key}", f"{entry['derivative']:.4g}", share, check))
     return rows

@@ -201,7 +201,7 @@ class Elasticity(Concept):
             yield from _stiffness_faults(self.stiffness)
         if self.eigenstrain is not None and (self.stress is not None or self.eigenstrain.on):
             message = (
-                "has an eigenstrain beside a stress, which has to contain it, or on groups of cells"
+                "has an eigenstrain and a stress, which must include it, or one on groups of cells"
             )
             yield Fault((), message)
 

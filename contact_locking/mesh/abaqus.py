@@ -104,18 +104,18 @@ def _require_read(cards: Sequence[Card]) -> None:
     """Raise InputError for cards whose nodes and elements are not read."""
     for keyword in (card.keyword for card in cards if card.keyword in _GENERATORS):
         raise InputError(
-            f"*{keyword} makes nodes or elements of others, which is not read; let the "
-            "preprocessor write all of them"
+            f"*{keyword} generates nodes or elements, which is not supported; let the preprocessor "
+            "write all of them"
         )
     instances = [card for card in cards if card.keyword == "INSTANCE"]
     if len(instances) > 1 or any(card.lines for card in instances):
         raise InputError(
-            "*INSTANCE puts parts at other places, which is not read; write one mesh of all (in "
+            "*INSTANCE moves parts, which is not supported; write one mesh of all (in "
             "Abaqus/CAE Model > Edit Attributes > Do not use parts and assemblies in input files)"
         )
 
 
-def _cards(path: Path, depth: int = 0, part: str = "") -> Iterator[Card]:
+def _cards(path: Path, depth: int = 0, part_name: str = "") -> Iterator[Card]:
     """The cards of a file and of those that it includes."""
     try:
         raw = path.read_bytes()
@@ -140,10 +140,10 @@ def _cards(path: Path, depth: int = 0, part: str = "") -> Iterator[Card]:
         options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
         keyword, data = " ".join(head.upper().split()), []
         if keyword in ("PART", "END PART"):
-            part = options.get("NAME", "")
-        yield Card(keyword, options, data, part)
+            part_name = options.get("NAME", "")
+        yield Card(keyword, options, data, part_name)
         if keyword == "INCLUDE":
-            yield from _cards(path.parent / options.get("INPUT", ""), depth + 1, part)
+            yield from _cards(path.parent / options.get("INPUT", ""), depth + 1, part_name)
 
 
 class Sets:
@@ -261,7 +261,7 @@ class Deck:
         try:
             corners = np.array([[nodes[number] for number in row[1:]] for row in rows])
         except KeyError as error:
-            raise ValueError(f"node {error} of an element is not there") from None
+            raise ValueError(f"node {error} of an element does not exist") from None
         first = sum(len(block.nodes) for block in self.blocks)
         self._number("ELSET", card, [row[0] for row in rows], first)
         self.blocks.append(Block(kind, dim, corners))

@@ -211,15 +211,15 @@ def _check_boundary(facets: CellFacets, touching: Touching) -> list[Finding]:
     cells, corners = facets.with_cells(facets.count == 1)
     boundary = kind.split(corners)
     owner = np.repeat(cells, len(kind.simplices))
-    part = np.empty(len(mesh.points), dtype=np.int64)
-    part[boundary] = part_of_cell[owner][:, None]
+    parts = np.empty(len(mesh.points), dtype=np.int64)
+    parts[boundary] = part_of_cell[owner][:, None]
     node, facet, shares = _meetings(mesh, boundary)
     apart = ~_may_meet(mesh, touching, node, boundary[facet], shares > _SAME_PLACE)
     node, facet, shares = node[apart], facet[apart], shares[apart]
     is_double = shares.max(axis=1, initial=0.0) > 1.0 - 10 * _SAME_PLACE
     partner = boundary[facet, np.argmax(shares, axis=1)]
     doubles = np.unique(np.sort(np.stack([node, partner], axis=1)[is_double], axis=1), axis=0)
-    of_two = doubles[part[doubles[:, 0]] != part[doubles[:, 1]]]
+    of_two = doubles[parts[doubles[:, 0]] != parts[doubles[:, 1]]]
     if len(of_two):
         raise InputError(
             f"two parts of the body touch and share no nodes: {_pairs_words(mesh, of_two)}; "
@@ -249,10 +249,10 @@ def _check_boundary(facets: CellFacets, touching: Touching) -> list[Finding]:
 def _pairs_words(mesh: MeshData, pairs: IntArray) -> str:
     """The first of pairs (k, 2) of nodes at one place, and the number of the other nodes."""
     first, other = pairs[0]
-    more = len(np.unique(pairs)) - 2
+    others = len(np.unique(pairs)) - 2
     return (
         f"nodes {mesh.numbers[first]} and {mesh.numbers[other]} are both at "
-        f"{point_words(mesh.points[first])}{f', and {more} more nodes' if more else ''}"
+        f"{point_words(mesh.points[first])}{f', and {others} more nodes' if others else ''}"
     )
 
 

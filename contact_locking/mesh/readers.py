@@ -277,7 +277,7 @@ def read_xdmf(path: Path) -> MeshData:
     sources = [(element.text or "").strip().partition(":")[0] for element in root.iter("DataItem")]
     if not data.exists() or any(source != data.name for source in sources):
         raise InputError(
-            f"{path} does not have its numbers in {data.name} beside it: write it with "
+            f"{path} needs its numbers in {data.name}, in the same folder: write it with "
             "dolfinx.io.XDMFFile, or with meshio and data_format='HDF'"
         )
     try:
@@ -298,7 +298,7 @@ def _grid(element: ElementTree.Element, file: Any) -> Grid:
     word = "" if topology is None else topology.get("TopologyType", "")
     # Names are printed, and terminals read some characters as commands.
     if not name or not name.isprintable():
-        raise InputError(f"the name of a grid is {name!a}, which is no name")
+        raise InputError(f"the name of a grid is {name!a}, which is not valid")
     if (kind := _KINDS.get(word.lower())) is None:
         known = ", ".join(kind.plural for kind in NAMED.values())
         raise InputError(
@@ -313,9 +313,9 @@ def _grid(element: ElementTree.Element, file: Any) -> Grid:
     return Grid(name, kind, nodes[:, list(kind.gmsh_order)], tags)
 
 
-def _array(element: ElementTree.Element, part: str, file: Any) -> Any:
-    item = element.find(f"{part}/DataItem")
-    return file[(("" if item is None else item.text) or "").strip().partition(":")[2]][()]
+def _array(element: ElementTree.Element, tag: str, file: Any) -> Any:
+    data_item = element.find(f"{tag}/DataItem")
+    return file[(("" if data_item is None else data_item.text) or "").strip().partition(":")[2]][()]
 
 
 def _mesh(grids: Sequence[Grid], coordinates: Any) -> MeshData:

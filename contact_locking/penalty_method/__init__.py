@@ -32,11 +32,11 @@ def _others(problem: DiscreteProblem) -> Iterator[tuple[str, str]]:
     if element.degree > 1:
         yield "discretisation.degree", "a quadratic displacement"
     if not problem.data.only_ball:
-        yield "material.locking", "a limit beside |eps| <= M"
+        yield "material.locking", "a limit other than |eps| <= M"
     if problem.free + problem.sliding > 0:
-        yield "loads.displacements", "a body that contact or friction alone holds"
+        yield "loads.displacements", "a body held by contact or friction alone"
     if problem.data.own_energy is not None:
-        yield "energy", "an energy of your own"
+        yield "energy", "a user-defined energy"
     if not penalty.n < math.inf:
         yield "penalty.n", "an infinite n"
     for contact in problem.contacts:
@@ -45,6 +45,6 @@ def _others(problem: DiscreteProblem) -> Iterator[tuple[str, str]]:
         if contact.is_free:
             yield f"{contact.key}.foundation", "a foundation that a force or a spring moves"
         if not contact.regularisation > 0.0:
-            yield contact.given.friction_key("regularisation"), "friction that is not smooth"
+            yield contact.concept.friction_key("regularisation"), "friction that is not smooth"
     if not penalty.epsilon > 0.0:
         yield "penalty.epsilon", "contact without a compliance"

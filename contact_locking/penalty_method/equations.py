@@ -85,8 +85,8 @@ class Equations:
     def set_penalty(self, penalty: Penalty) -> None:
         """Set n, epsilon, and delta of each contact."""
         self.n.value, self.epsilon.value = penalty.n, penalty.epsilon
-        for item, delta in zip(self.contacts, penalty.regularisations, strict=True):
-            item.delta.value = delta
+        for terms, delta in zip(self.contacts, penalty.regularisations, strict=True):
+            terms.delta.value = delta
 
     # Section 2.2: the weak formulation.
 
@@ -162,10 +162,10 @@ class Equations:
     def multipliers(self) -> Multipliers:
         """``R_n(eps(u))`` (23), ``-sigma_nu`` and ``-sigma_tau`` (22); collective."""
         system, forces = self.system, []
-        for item in self.contacts:
-            contact, pressure = item.contact, self.pressure(item.contact)
+        for terms in self.contacts:
+            contact, pressure = terms.contact, self.pressure(terms.contact)
             slip = contact.increment(system.u)
-            size = np.hypot(np.linalg.norm(slip, axis=1), float(item.delta.value))
+            size = np.hypot(np.linalg.norm(slip, axis=1), float(terms.delta.value))
             friction = (system.bounds[contact] / size)[:, None] * slip
             forces.append(ContactForces(pressure, friction, pressure > 0.0))
         mesh = system.u.function_space.mesh
@@ -179,9 +179,9 @@ class Equations:
 
     def refresh(self) -> None:
         """Take the friction bounds that the system holds; collective."""
-        for item in self.contacts:
-            item.bound.x.array[item.contact.surface.nodes] = self.system.bounds[item.contact]
-            item.bound.x.scatter_forward()
+        for terms in self.contacts:
+            terms.bound.x.array[terms.contact.surface.nodes] = self.system.bounds[terms.contact]
+            terms.bound.x.scatter_forward()
 
 
 def _sum(terms: Iterable[ufl.Form]) -> ufl.Form:

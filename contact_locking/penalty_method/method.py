@@ -70,7 +70,7 @@ class PenaltyPath:
 
     def _logarithms(self) -> list[FloatArray]:
         sides = (self.start, self.end)
-        return [np.log10([item.n, item.epsilon, *item.regularisations]) for item in sides]
+        return [np.log10([p.n, p.epsilon, *p.regularisations]) for p in sides]
 
 
 def follow(path: PenaltyPath, solve: Callable[[Penalty, bool], None]) -> None:

@@ -139,7 +139,7 @@ class Newton:
                 failure = NotConverged(f"SNES stopped with reason {reason}")
         except PETSc.Error as error:
             failure = _failure(error)
-        self._enter(start if failure else self._x)
+        self._set_displacement(start if failure else self._x)
         start.destroy()
         if failure:
             raise failure
@@ -147,24 +147,24 @@ class Newton:
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
         self._options.remove()
-        for item in (self._snes, self._matrix, self._x, self._f):
-            item.destroy()
+        for petsc_object in (self._snes, self._matrix, self._x, self._f):
+            petsc_object.destroy()
 
-    def _enter(self, x: PETSc.Vec) -> None:
+    def _set_displacement(self, x: PETSc.Vec) -> None:
         """``u = x`` at free dofs, and the prescribed values at constrained dofs."""
         self._system.u.x.array[: self._owned] = x.array_r
         self._system.constraints.apply(self._system.u)
 
     def _assemble_residual(self, x: PETSc.Vec, f: PETSc.Vec) -> None:
         """The free part of (26)."""
-        self._enter(x)
+        self._set_displacement(x)
         self._residual.assemble_vector(self._work.x)
         f.array_w[:] = self._system.constraints.free_part(self._work.x.array[: self._owned])
 
     def _assemble_tangent(
         self, _: PETSc.SNES, x: PETSc.Vec, matrix: PETSc.Mat, __: PETSc.Mat
     ) -> None:
-        self._enter(x)
+        self._set_displacement(x)
         self._system.constraints.assemble_matrix(self._tangent, matrix)
         # PETSc forgets this with new values, and MUMPS would then look for pivots.
         matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -178,7 +178,7 @@ class Newton:
         residual = norms[2]
         if not np.isfinite(residual):
             raise NotConverged("the residual is not finite")
-        self._enter(snes.getSolution())
+        self._set_displacement(snes.getSolution())
         scale = self._system.force_scale(self._task.settings.tolerance)
         self._task.monitor.iteration(iteration, residual / scale if scale > 0.0 else residual)
         stalls = self._last < 2.0 * residual <= _SMALL * scale

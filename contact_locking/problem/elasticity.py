@@ -85,7 +85,7 @@ class Material:
         self, points: Points, elasticity: Sequence[Placed], eigenstrains: Sequence[Placed] = ()
     ) -> None:
         self._points, self._key = points, elasticity[-1].key
-        whole: Elasticity = elasticity[0].given
+        whole: Elasticity = elasticity[0].content
         self.in_space = whole.plane != "stress"
         if whole.eigenstrain is not None:
             eigenstrains = [Placed(whole.eigenstrain, f"{self._key}.eigenstrain")]
@@ -94,7 +94,7 @@ class Material:
         self.eigenstrain: EigenstrainOnMesh | None = None
         self._pairs, self._size = points.pairs, points.size
         self._own = whole.stress
-        self._is_matrix = any(placed.given.stiffness is not None for placed in elasticity)
+        self._is_matrix = any(placed.content.stiffness is not None for placed in elasticity)
         if self._own is not None:
             stress = self._own
             initial = stress(ufl.classes.Zero((self._size, self._size)))
@@ -119,9 +119,9 @@ class Material:
             self._lame = points.joined(elasticity, _lame_in, (2,))
             in_plane = self._of_plane(self._lame().T)
             data = [
-                getattr(placed.given, name)
+                getattr(placed.content, name)
                 for placed in elasticity
-                for name in placed.given.lame_names
+                for name in placed.content.lame_names
             ]
             # Data of a script that are uniform now may vary later.
             may_vary = any(value.number is None and value.expression is None for value in data)
@@ -296,8 +296,8 @@ def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
         v, u = a.arguments()
     except (ArityMismatch, ValueError):
         raise InputError(
-            "must be bilinear: linear in the trial function and in the test function; the energy "
-            "of a nonlinear law is an argument of its own, energy",
+            "must be bilinear: linear in the trial function and in the test function; give the "
+            "energy of a nonlinear law as the argument energy",
             "a",
         ) from None
     eye = ufl.Identity(u.ufl_shape[0])
@@ -316,8 +316,8 @@ def split(a: ufl.Form) -> tuple[ufl.Form, ufl.Form | None]:
             v,
         }:
             raise InputError(
-                "has strains and the displacement itself in one integral; give each an integral "
-                "of its own, as inner(sigma(u), eps(v))*dx + k*inner(u, v)*dx",
+                "has strains and the displacement itself in one integral; separate them, as in "
+                "inner(sigma(u), eps(v))*dx + k*inner(u, v)*dx",
                 "a",
             )
     return ufl.Form(of_stress), ufl.Form(others) if others else None

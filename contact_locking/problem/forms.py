@@ -55,12 +55,12 @@ class ProblemData:
     @property
     def loose_tools(self) -> tuple[Travel, ...]:
         """The tools without a spring, which only the body stops."""
-        return tuple(item for item in self.tools if not item.is_sprung)
+        return tuple(tool for tool in self.tools if not tool.is_sprung)
 
     @property
     def is_paired(self) -> bool:
         """Whether bodies touch each other."""
-        return any(item.surface.is_paired for item in self.contacts)
+        return any(contact.surface.is_paired for contact in self.contacts)
 
     @property
     def sets(self) -> tuple[StrainSet, ...]:
@@ -76,9 +76,9 @@ class ProblemData:
     def inverse_strain_bound(self) -> Expr:
         """``1/B`` such that ``|eps| <= B`` for all strains in K, 0 where no set implies a bound."""
         bound: Expr = self.inverse_limit
-        for item in self.limits:
-            if isinstance(item, NormSet) and item.least > 0.0:
-                bound = ufl.max_value(bound, item.least * item.inverse_limit)
+        for limit in self.limits:
+            if isinstance(limit, NormSet) and limit.least > 0.0:
+                bound = ufl.max_value(bound, limit.least * limit.inverse_limit)
         return bound
 
     @property
@@ -89,7 +89,7 @@ class ProblemData:
 
 def elastic_form(u: Expr, v: Expr, data: ProblemData) -> Expr:
     """``a(u, v) = int A eps(u) : eps(v)``, or the user's form, plus the springs."""
-    return sum((item.form(u, v) for item in data.springs), data.elasticity(u, v))
+    return sum((spring.form(u, v) for spring in data.springs), data.elasticity(u, v))
 
 
 def force_magnitudes(u: Expr, v: Expr, data: ProblemData) -> Expr:

@@ -113,8 +113,8 @@ def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArra
     total = comm.allreduce(np.append(held_at.sum(axis=0), len(held_at)))
     centre = total[:3] / max(total[3], 1.0)
     motions = rigid_motions(space, centre=centre)
-    asked = [held_part(motion)[nodes].reshape(-1) for motion in (*motions, values)]
-    local = np.linalg.qr(np.column_stack(asked), mode="r")
+    rows = [held_part(motion)[nodes].reshape(-1) for motion in (*motions, values)]
+    local = np.linalg.qr(np.column_stack(rows), mode="r")
     *columns, aim = np.vstack(comm.allgather(local)).T
     # The least of the motions that fit turns with the body: rotations count by their displacements.
     local_square = float(np.sum((held_at - centre) ** 2))
@@ -130,8 +130,8 @@ def prescribed_motion(constraints: Constraints, values: FloatArray) -> FloatArra
 def spin(motion: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The velocity of the origin (3,) and the spin (3,) of a rigid motion.
 
-    ``motion`` are the coefficients of :func:`rigid_motions`:
-    translations, then the rotations in the planes of the axes (x, y), (x, z) and (y, z).
+    ``motion`` are coefficients of :func:`rigid_motions`: translations, then rotations in the planes
+    (x, y), (x, z) and (y, z).
     """
     if len(motion) == 1:
         return np.array([0.0, motion[0], 0.0]), np.zeros(3)
@@ -181,24 +181,24 @@ def axes_of(direction: FloatArray) -> str:
 class MotionsAtContact:
     """Rigid motions at the owned nodes of one contact on some parts of the body.
 
-    They are relative to the tool, or to the other body.  ``own`` marks the nodes among those of the
-    contact.
+    They are relative to the tool, or to the other body.  ``owned`` marks the nodes among those of
+    the contact.
     """
 
     def __init__(
         self, contact: NodalContact, motions: FloatArray, dofs: BoolArray, tools: Sequence[Travel]
     ) -> None:
-        self.contact, self.own = contact, contact.surface.is_of(dofs)
+        self.contact, self.owned = contact, contact.surface.is_of(dofs)
         surface, dim = contact.surface, contact.surface.domain.dim
         at_nodes = np.array([surface.of_motion(motion) for motion in motions])
-        of_body = at_nodes.reshape(len(motions), len(self.own), dim)[:, self.own]
+        of_body = at_nodes.reshape(len(motions), len(self.owned), dim)[:, self.owned]
         of_tools = np.zeros((len(tools), *of_body.shape[1:]))
         for number, tool in enumerate(tools):
             if tool.contact is contact:
                 of_tools[number] = -tool.direction
         self._motions = np.concatenate([of_body, of_tools])
         #: The normal components (k, f).
-        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self.own])
+        self.normals = np.einsum("fkd,kd->kf", self._motions, contact.normals[self.owned])
 
     def gram(self) -> FloatArray:
         """The products (f, f) of the motions, summed over the nodes of this rank."""
@@ -226,21 +226,21 @@ class MotionsAtContact:
         contact = self.contact
         if contact.friction.frictionless:
             return self.normals
-        mu = contact.friction.coefficient(np.zeros(len(self.own))) * contact.free
-        rubbed = np.zeros((len(motion), len(self.own)))
-        rubbed[:, self.own] = self._towards(motion)
+        mu = contact.friction.coefficient(np.zeros(len(self.owned))) * contact.free
+        rubbed = np.zeros((len(motion), len(self.owned)))
+        rubbed[:, self.owned] = self._towards(motion)
         taken = np.array([contact.friction.smoothing.adjoint(mu * row) for row in rubbed])
-        return np.asarray(self.normals + taken[:, self.own].T)
+        return np.asarray(self.normals + taken[:, self.owned].T)
 
     def rub(self, motion: FloatArray, bounds: BoundsInForce) -> FloatArray:
         """The derivative (f,) of ``int G |c_tau|`` at a motion c (f,), local."""
         work = self.contact.surface.weights * bounds[self.contact]
-        return self._towards(motion) @ work[self.own]
+        return self._towards(motion) @ work[self.owned]
 
     @cached_property
     def _along(self) -> FloatArray:
         """The tangential parts (f, k, d)."""
-        normals = self.contact.normals[self.own]
+        normals = self.contact.normals[self.owned]
         return self._motions - np.einsum("kf,kd->fkd", self.normals, normals)
 
     def _towards(self, motion: FloatArray) -> FloatArray:
@@ -306,7 +306,7 @@ def _size_of(values: FloatArray) -> float:
 def _best(
     aim: FloatArray, rows: FloatArray, room: float = 0.0, bounds: Sequence[Any] = (-1, 1)
 ) -> tuple[FloatArray, float] | None:
-    """The c with ``rows c <= room`` and the largest ``aim . c``, and this number; None without."""
+    """The c with ``rows c <= room`` and the largest ``aim . c``, and this number; else None."""
     # Few bodies have free motions, and the import takes a tenth of a second.
     from scipy.optimize import linprog
 
@@ -352,8 +352,8 @@ def unheld_motion(
     """A motion c (f,) with ``r(c) <= 0`` at all nodes and ``work . c > 0``; None if none is found.
 
     ``r(c) = normals c + s(c) >= normals c`` is convex and homogeneous of degree 1; ``resistance``
-    gives the rows (n, f) that are its derivative, with which ``rows c = r(c)``.  Each motion is
-    the best for the derivatives at those before, which are lower bounds of r.
+    gives the rows (n, f) that are its derivative, with which ``rows c = r(c)``.  By cutting planes:
+    each motion is the best for the derivatives at the earlier ones, which are lower bounds of r.
     """
     size = _size_of(normals)
     rows, push = _scaled(normals), _scaled(work)
@@ -374,9 +374,9 @@ def driven_motion(
 ) -> FloatArray:
     """The motion c (f,) with ``normals c <= 0`` and the largest ``work . c - s(c)``, in a unit box.
 
-    Sought is among the motions ``some`` (f, m).  ``s(c) = int G |c_tau|`` is convex and
-    homogeneous; ``rub`` gives its derivative (f,) at a motion, with which ``rub(c) . c = s(c)``.
-    Each motion is the best for the derivatives at those before, which are lower bounds of s.
+    The search is among the combinations of the motions ``some`` (f, m).  ``s(c) = int G |c_tau|``
+    is convex and homogeneous; ``rub`` gives its derivative (f,) at a motion: ``rub(c) . c = s(c)``.
+    Each motion is the best for the derivatives at the earlier ones, lower bounds of s.
     """
     push = some.T @ work
     size, count = _size_of(push), some.shape[1]
@@ -389,7 +389,7 @@ def driven_motion(
         rows = np.vstack([leaving, *(np.append(cut, -1.0) for cut in cuts)])
         result = _best(np.append(push / size, -1.0), rows, bounds=[(-1, 1)] * count + [(0, None)])
         if result is None:
-            # Friction beside which the push is rounding.
+            # The push is rounding compared with friction.
             break
         motion, above = result[0][:count], result[1]
         cuts.append(np.asarray(some.T @ rub(some @ motion) / size))

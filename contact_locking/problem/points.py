@@ -31,12 +31,12 @@ Check = Callable[[FloatArray, str], None]
 
 @dataclass(frozen=True)
 class Placed:
-    """A concept with its key, in some local cells; in all of them if ``cells`` is None.
+    """A concept or value with its key, in some local cells; in all of them if ``cells`` is None.
 
     ``short`` is the key of its only value, if a study file gives that without the concept.
     """
 
-    given: Any
+    content: Any
     key: str
     cells: IndexArray | None = None
     short: str = ""
@@ -48,7 +48,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class InCells:
-    """Values by cells, of which the last one counts, and the value ``elsewhere``."""
+    """Values by cells, of which the last one counts where cells overlap, else ``elsewhere``."""
 
     parts: Sequence[Placed]
     elsewhere: float
@@ -77,8 +77,8 @@ class Points:
         self.in_cell = self.space.dofmap.list.shape[1]
         self.dofs = self.space.dofmap.list.reshape(-1)
 
-    def seen(self, root: str, cells: IndexArray | None = None) -> Points:
-        """The same points for other data, with their key and cells."""
+    def for_key(self, root: str, cells: IndexArray | None = None) -> Points:
+        """The same points for the data of another concept, with its key and cells."""
         points = copy.copy(self)
         points.root, points.name, points.cells = root, root.removeprefix("material."), cells
         return points
@@ -114,8 +114,8 @@ class Points:
         data = value.data if isinstance(value, Value) else value
         if isinstance(data, InCells):
 
-            def of_part(given: Any, there: Points) -> Sampler:
-                return there.sampler(given, "", shape, check)
+            def of_part(data: Any, points: Points) -> Sampler:
+                return points.sampler(data, "", shape, check)
 
             return self.joined(data.parts, of_part, shape, data.elsewhere)
         key, inside = dotted(*filter(None, (self.root, name))), self.of(self.cells)
@@ -168,8 +168,8 @@ class Points:
         elsewhere: float = 0.0,
         adds: bool = False,
     ) -> Sampler:
-        """Values (k, ...) ``of`` each part in its cells, of which the last counts, or their sum."""
-        samplers = [(self.of(p.cells), of(p.given, self.seen(p.key, p.cells))) for p in parts]
+        """Values (k, ...) by samplers ``of`` parts: in a cell those of its last part, or sums."""
+        samplers = [(self.of(p.cells), of(p.content, self.for_key(p.key, p.cells))) for p in parts]
 
         def joined() -> FloatArray:
             values = np.full((len(self.all), *shape), elsewhere)
@@ -183,7 +183,7 @@ class Points:
         self,
         value: Any,
         name: str,
-        told: str = "the limit",
+        name_in_words: str = "the limit",
         sign: float = 1.0,
         over: FloatArray | float = 1.0,
     ) -> Sampler:
@@ -196,22 +196,22 @@ class Points:
             smallest = self.least(sign * values)
             if not smallest > 0.0:
                 raise InputError(
-                    f"{told} must be positive, so that the body without strain is inside of the "
-                    f"set; it reaches {smallest:g}",
+                    f"{name_in_words} must be positive, so that the body without strain is inside "
+                    f"of the set; it reaches {smallest:g}",
                     key,
                 )
             if smallest < SMALLEST:
-                message = f"{told} must be at least {SMALLEST:g}, it reaches {smallest:g}"
+                message = f"{name_in_words} must be at least {SMALLEST:g}, it reaches {smallest:g}"
                 raise InputError(message, key)
 
         read = self.sampler(value, name, check=check)
 
         def limits() -> FloatArray:
             with np.errstate(divide="ignore"):
-                found = np.asarray(sign * read() / over)
+                values = np.asarray(sign * read() / over)
             if np.ndim(over):
-                check(sign * found, f"{self.root}.{name}")
-            return found
+                check(sign * values, f"{self.root}.{name}")
+            return values
 
         return limits
 
@@ -240,8 +240,8 @@ class Points:
     def _where_any(
         self, limits: Sampler, make: Callable[..., Any], always: bool = False
     ) -> list[Limited]:
-        is_one = always or on_any_rank(self.domain.comm, np.isfinite(limits()))
-        return [Limited(self, limits, make)] if is_one else []
+        has_limit = always or on_any_rank(self.domain.comm, np.isfinite(limits()))
+        return [Limited(self, limits, make)] if has_limit else []
 
     def refuse(self, marks: BoolArray, message: str, key: str) -> None:
         """Raise InputError if any point of any rank is marked; collective."""
@@ -285,28 +285,30 @@ class LimitsOnMesh:
         """
         # Limits that a body can have only once are joined over their cells.
         groups: dict[Any, list[Placed]] = {}
-        for number, item in enumerate(placed):
-            is_shared = item.cells is not None and item.given.once
-            groups.setdefault(type(item.given) if is_shared else number, []).append(item)
+        for number, each in enumerate(placed):
+            is_shared = each.cells is not None and each.content.once
+            groups.setdefault(type(each.content) if is_shared else number, []).append(each)
         limits = [(group[0].key, _in_cells(group)) for group in groups.values()]
-        balls = [(key, item) for key, item in limits if isinstance(item, StrainBall)]
+        balls = [(key, limit) for key, limit in limits if isinstance(limit, StrainBall)]
         if len(balls) > 1:
             raise InputError("has more than one StrainBall; use the smaller limit", balls[1][0])
         key, ball = balls[0] if balls else ("limits", StrainBall(Value(math.inf)))
         others = [
             limited
-            for key, item in limits
-            if item is not ball
-            for limited in item.on(points.seen(key))
+            for key, limit in limits
+            if limit is not ball
+            for limited in limit.on(points.for_key(key))
         ]
-        (of_ball,) = ball.on(points.seen(key))
+        (of_ball,) = ball.on(points.for_key(key))
         limit = at_peaks = points.function()
         peaks = []
         if points.element.at_peaks is not points.element:
             corners = Points(points.domain, points.element.at_peaks, points.clock)
             at_peaks = corners.function()
-            limits_there = corners.seen(key).positive(ball.at_most, "at_most", "the locking limit")
-            peaks.append((corners, limits_there))
+            limits_at_corners = corners.for_key(key).positive(
+                ball.at_most, "at_most", "the locking limit"
+            )
+            peaks.append((corners, limits_at_corners))
         result = cls(points, of_ball, others, limit, at_peaks, peaks)
         result.write()
         return result
@@ -325,10 +327,10 @@ class LimitsOnMesh:
 
 
 def _in_cells(group: Sequence[Placed]) -> Any:
-    """One limit with the values of all in their cells."""
-    first, values = group[0].given, {}
+    """The first limit of a group, with the values of all of them, each in its cells."""
+    first, values = group[0].content, {}
     kind: type[StrainLimit] = type(first)
     for name in marked(kind, ScalarRule) if group[0].cells is not None else ():
-        parts = [Placed(getattr(p.given, name), p.key_of(name), p.cells) for p in group]
+        parts = [Placed(getattr(p.content, name), p.key_of(name), p.cells) for p in group]
         values[name] = Value(InCells(parts, _ELSEWHERE.get(name, 0.0)))
     return first.model_copy(update=values) if values else first

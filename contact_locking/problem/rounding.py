@@ -53,17 +53,17 @@ class LooseMotion:
         """
         seen = np.concatenate(self._comm.allgather(self._basis.T @ u[: self._owned]))
         motion = np.linalg.lstsq(self._triangles, seen)[0] @ self._motions
-        distance, made = 0.0, [self._constraints.held_part(u), u - motion]
+        distance, causes = 0.0, [self._constraints.held_part(u), u - motion]
         for contact in self._contacts:
-            moved, stands = (contact.surface.operator.values(v) for v in (motion, u))
+            moved, present = (contact.surface.operator.values(v) for v in (motion, u))
             distance = max(distance, self._largest(moved))
             if contact.is_free:
                 # The foundation follows the body, and gaps and slips are relative to its travel.
                 continue
-            gaps, along = contact.gaps, contact.split_nodal(stands)[0]
+            gaps, along = contact.gaps, contact.split_nodal(present)[0]
             closed = np.isfinite(gaps) & (np.abs(along - gaps) <= _CLOSED * np.abs(gaps))
-            made += [gaps[closed], contact.references]
-        length = sum(self._largest(values) for values in made)
+            causes += [gaps[closed], contact.references]
+        length = sum(self._largest(values) for values in causes)
         share = min(1.0, length / distance) if distance > 0.0 else 1.0
         return np.asarray(u - (1.0 - share) * motion)
 
@@ -102,7 +102,7 @@ class Rounding:
 
     @cached_property
     def _of_one(self) -> float:
-        """:meth:`in_forces` if ``|u| = 1`` everywhere is what the data ask for."""
+        """:meth:`in_forces` for ``|u| = 1`` everywhere."""
         components = self._u.function_space.dofmap.index_map_bs
         return self._in_forces_of(np.full_like(self._u.x.array, 1.0 / np.sqrt(components)))
 

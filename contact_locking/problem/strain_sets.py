@@ -26,11 +26,7 @@ from ufl.core.expr import Expr
 from contact_locking.arrays import FloatArray
 from contact_locking.fem.compiled import Kept
 from contact_locking.fem.spaces import Element
-from contact_locking.laws.body import (
-    locking_energy,
-    locking_stress,
-    one_sided_energy,
-)
+from contact_locking.laws.body import locking_energy, locking_stress, one_sided_energy
 
 StrainMap = Callable[[Expr], Expr]
 Sampler = Callable[[], FloatArray]

@@ -190,9 +190,9 @@ def adapt(
     limits
         ``share``, ``max_dofs`` and ``max_meshes`` of :class:`Adaptation`
     """
-    given = Adaptation(tolerance=tolerance, **limits)
+    adaptation = Adaptation(tolerance=tolerance, **limits)
     names, regions = (
-        {str(value): value for value in _values(found, mesh)} for found in (tags, cells)
+        {str(value): value for value in _values(new_tags, mesh)} for new_tags in (tags, cells)
     )
     places = NamedFacets(mesh, tags, names)
     for name in names:
@@ -202,29 +202,29 @@ def adapt(
         numbers = domain.cell_tags.values.copy()
         # A cell without a tag has the number 0, which may be a tag of others.
         numbers[cells.indices] = 1 + np.searchsorted([*regions.values()], cells.values)
-        found = dmesh.meshtags(mesh, domain.dim, domain.cell_tags.indices, numbers)
+        new_tags = dmesh.meshtags(mesh, domain.dim, domain.cell_tags.indices, numbers)
         named = {name: number for number, name in enumerate(regions, start=1)}
-        domain = dataclasses.replace(domain, cell_tags=found, cell_names=named)
+        domain = dataclasses.replace(domain, cell_tags=new_tags, cell_names=named)
 
     def solve_on(domain: Domain) -> Solution:
         made, known = [], domain.facet_names
         facets = {mark: names[name] for name, marks in known.items() for mark in marks}
         in_cells = {number: regions[name] for name, number in domain.cell_names.items()}
-        for given, dim, found, values in (
+        for user_tags, dim, fresh, values in (
             (tags, domain.dim - 1, domain.facet_tags, facets),
             (cells, domain.dim, domain.cell_tags, in_cells),
         ):
-            if given is not None:
-                tagged = np.isin(found.values, [*values])
-                marks = np.array([values[mark] for mark in found.values[tagged]], dtype=np.int32)
-                made.append(dmesh.meshtags(domain.mesh, dim, found.indices[tagged], marks))
+            if user_tags is not None:
+                tagged = np.isin(fresh.values, [*values])
+                marks = np.array([values[mark] for mark in fresh.values[tagged]], dtype=np.int32)
+                made.append(dmesh.meshtags(domain.mesh, dim, fresh.indices[tagged], marks))
         problem = make_problem(domain.mesh, *made)
         if problem.domain.mesh is not domain.mesh:
-            raise InputError("must return a problem on the mesh that it is given", "make_problem")
+            raise InputError("must return a problem on the mesh passed to it", "make_problem")
         with contextlib.closing(problem):
             return problem.solve()
 
-    return adapted(solve_on, domain, given, Monitor())
+    return adapted(solve_on, domain, adaptation, Monitor())
 
 
 def _values(tags: dmesh.MeshTags | None, mesh: dmesh.Mesh) -> list[int]:

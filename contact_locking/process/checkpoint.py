@@ -1,9 +1,9 @@
 """Solved states in files, which any number of ranks reads on the same mesh, and restarts from them.
 
-A checkpoint is a folder.  ``state.npz`` has the values of the fields in the order of the mesh as it
-was before its distribution, and their coordinates, as the values belong to a mesh with the same
-ones.  A refined mesh is beside it.  ``record.json`` has the format and the checksum of each file;
-what agrees with these is what this program has written.
+A checkpoint is a folder.  ``state.npz`` has the values of the fields, in the order of the mesh
+before its distribution, and the coordinates of the nodes, which identify the mesh.  A refined mesh
+is stored with it.  ``record.json`` has the format and the checksum of each file, by which files of
+other versions and damaged ones are refused.
 """
 
 from __future__ import annotations
@@ -40,15 +40,9 @@ from contact_locking.results.contact_points import OPEN
 from contact_locking.results.output import CHECKPOINT, RECORD, TEXTS_BYTES
 from contact_locking.results.solution import Solution
 from contact_locking.results.table import Table
-from contact_locking.solver.task import (
-    ContactForces,
-    Counts,
-    Multipliers,
-    Outcome,
-    SavedState,
-)
+from contact_locking.solver.task import ContactForces, Counts, Multipliers, Outcome, SavedState
 
-# A change of the written files raises this number.
+# To be raised with every change of the written files.
 FORMAT = 9
 _STATE, _MESH = "state.npz", "mesh.npz"
 _AGAIN = "save it again with contact-locking run --checkpoint"
@@ -100,12 +94,12 @@ class Checkpoint:
         return None
 
     def restored(self, solver: ProblemSolver) -> SolvedState:
-        """The saved state in place of what the solver would find; collective."""
+        """The saved state as if the solver had found it; collective."""
         contacts, counts, system = solver.problem.contacts, Counts(), solver.system
         system.u.x.array[:] = self.state.displacement
         system.constraints.apply(system.u)
         system.tools.travels = self.state.travels
-        # The travel of a foundation, which is part of the state, changes what slips refer to.
+        # Slips refer to the foundation, so that its travel is restored before them.
         for contact, (place, slip) in zip(contacts, self.memories, strict=False):
             contact.restore_step(place, slip, self.old_displacement)
         if len(self.history):
@@ -162,9 +156,9 @@ class Layout:
 
 
 def gathered(solution: Solution) -> Callable[[Path], None]:
-    """What writes the checkpoint of a solution as a new folder, for rank 0; collective.
+    """A function that writes the checkpoint of a solution as a new folder; collective.
 
-    It raises OSError.
+    Rank 0 calls it.  It raises OSError.
     """
     domain, layout = solution.domain, Layout(solution.domain)
     arrays = {name: layout.gather(field) for name, field in _fields(solution).items()}
@@ -229,7 +223,7 @@ def require(directory: str | Path) -> Mapping[str, str]:
 
 
 def _load(directory: str | Path) -> tuple[dict[str, Any], dict[str, FloatArray]]:
-    """What a checkpoint tells of itself, and its arrays.  Raises as `require`."""
+    """The description of a checkpoint, and its arrays.  Raises as `require`."""
     folder = locate(directory)
     for name, checksum in require(directory).items():
         path = folder / Path(name).name
@@ -398,7 +392,7 @@ def _fields(solution: Solution) -> dict[str, fem.Function]:
 
 
 def start_in_words(directory: str | Path, report: Outcome) -> str:
-    """How a solve has used the state that was saved in a folder, in words."""
+    """How a solve has used the state saved in a folder, in words."""
     if not report.from_saved:
         return f"from scratch, because the state in {directory} did not help"
     if report.tangents == 0:

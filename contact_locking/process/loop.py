@@ -1,14 +1,14 @@
 """The steps of a process, one solution after the other.
 
-1. Put the problem to the next time: loads, prescribed displacements, gaps.
-2. Solve it, from the state before if that helps.  Where this fails, and a proof says that nothing
-   is admissible a little later, the limit of the strain is the cause: no other way of solving is
-   tried, nor a time that failed before.
-3. Judge the solution: the certificate, and the energy balance of the step.  If the solve or a
-   criterion fails, or if a foundation has moved to where none can be, go back to 1 with half the
-   step, down to the least step.  There the process fails, or stops with the last solution.
-4. Add the row to the history and hand out the solution.
-5. Friction remembers the displacement and the slip.  Go on with 1.
+1. Update the problem to the next time: loads, prescribed displacements, gaps.
+2. Solve it, from the previous state if that helps.  If this fails and a proof says that nothing is
+   admissible a little later, the strain limit is the cause: neither another way of solving nor a
+   time that failed before is tried.
+3. Judge the solution by the certificate and the energy balance of the step.  If the solve or a
+   criterion fails, or a foundation has moved behind Gamma_C, return to 1 with half the step, down
+   to the least step.  There the process fails, or stops with the last solution.
+4. Add a row to the history and yield the solution.
+5. Friction remembers the displacement and the slip.  Return to 1.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from contact_locking.results.table import Row, Table
 from contact_locking.solver.settings import Steps
 from contact_locking.solver.task import Outcome
 
-# How much later, as a share of the time, a proof is asked for where a step fails.
+# A proof is looked for this much later than a failed step, as a share of its time.
 _BEYOND = 0.03
 #: The columns of a step that add up over the steps.
 SUMMED = ("work", "dissipated", "numerical")
@@ -108,27 +108,26 @@ S_co = TypeVar("S_co", bound=Solution, covariant=True)
 
 
 class Solvable(Protocol[S_co]):
-    """A problem with its solver, as drivers take it; all methods are collective."""
+    """The interface of a problem for drivers such as :class:`Process`; collective."""
 
     @property
     def solver(self) -> ProblemSolver: ...
 
     def refresh(self) -> None:
-        """Put the present data into ``solver``.  Raises InputError for those of no use."""
+        """Update ``solver`` to the present data.  Raises InputError for unusable data."""
 
     def solution(self, state: SolvedState, criteria: Mapping[str, Criterion]) -> S_co:
-        """The solution in a state of ``solver``, which is to meet further criteria."""
+        """The solution in a state of ``solver``, which must meet these criteria as well."""
 
 
 class Process(Iterator[S]):
     """``u_k`` at times ``t_1 < t_2 < ...``, where friction acts against ``u_tau - u_{k-1,tau}``.
 
-    The process iterates over the solutions of a problem, which starts at rest.  Its data are read
-    anew in each step, at the time that the process puts into them.  ``history`` has the numbers of
-    the steps so far.  After a step that does not converge, whatever its length, the iteration ends
-    with the state that was reached.  Collective.  Raises InputError for times that do not ascend
-    and, with the time, for data that cannot be used at a time; after a first step this is
-    ProcessEnded.
+    The process iterates over the solutions of a problem, which starts at rest.  Each step sets the
+    time and reads the data anew.  ``history`` has a row of numbers for each step so far.  If even
+    the least step does not converge, the iteration ends with the state that was reached.
+    Collective.  Raises InputError for times that do not ascend and, naming the time, for data that
+    cannot be used at that time; after the first step this is ProcessEnded.
 
     Parameters
     ----------
@@ -137,10 +136,10 @@ class Process(Iterator[S]):
     steps
         the :class:`Steps`, or their times; the time before is 0, or the first if that is earlier
     time
-        the time in data beside expressions of t: a constant of DOLFINx, or a function that puts
-        the data to a time
+        the time in data that are no expressions of t: a constant of DOLFINx, or a function that
+        updates the data to a time
     restart
-        a folder with a checkpoint of a step, from which, judged again, the process goes on
+        a folder with a checkpoint of a step, from which the process goes on
     """
 
     def __init__(
@@ -157,8 +156,9 @@ class Process(Iterator[S]):
         self._set_time = None if time is None else setter
         self._solver, self._monitor = problem.solver, problem.solver.monitor
         steps = steps if isinstance(steps, Steps) else Steps(times=tuple(steps))
+        self._solver.problem.require_times(steps.planned)
         self._timeline = Timeline(steps)
-        self._planned = self._timeline.left
+        self._planned = self._timeline.remaining
         self._stops = steps.on_failure == "stop"
         self._halved: tuple[Finding, ...] = ()
         self._is_unbalanced = False
@@ -168,8 +168,8 @@ class Process(Iterator[S]):
     def __next__(self) -> S:
         return next(self._solutions)
 
-    def _put(self, at: float) -> None:
-        """Put the problem to a time; collective."""
+    def _update_to(self, at: float) -> None:
+        """Set the time and update the problem to its data at that time; collective."""
         self._solver.problem.clock.set(at)
         if self._set_time is not None:
             self._set_time(at)
@@ -183,7 +183,7 @@ class Process(Iterator[S]):
         discrete.set_memory(discrete.at_rest())
         for path in paths:
             saved = checkpoint.read(path, discrete, is_step=True)
-            self._put(saved.time)
+            self._update_to(saved.time)
             self._halved, self.history = saved.halved, saved.history
             state = saved.restored(self._solver)
             energy = EnergyBalance.of_row(self.history.rows[-1])
@@ -205,7 +205,7 @@ class Process(Iterator[S]):
                         words = timeline.explained(timeline.failed.get(at, ""), at, -math.inf)
                         yield self._stopped(solution, words["reason"])
                         return
-                self._put(at)
+                self._update_to(at)
                 # The proofs of balance are asked for where a solve has failed before.
                 is_unbalanced = self._is_unbalanced and self._solver.is_unbalanced()
                 if is_unbalanced and timeline.fail():
@@ -265,7 +265,7 @@ class Process(Iterator[S]):
 
     def _solve_at(self, at: float, last: State | None) -> Outcome:
         """Solve at the present time; collective."""
-        self._monitor.step(len(self.history) + 1, self._timeline.left, at)
+        self._monitor.step(len(self.history) + 1, self._timeline.remaining, at)
         saved = None if last is None else last.saved
         is_near = self._timeline.refused is not None
         asks = not is_near and at == self._timeline.planned and self._solver.may_lock_up
@@ -274,19 +274,19 @@ class Process(Iterator[S]):
         is_over = report.converged or report.failure == Infeasible.code
         if is_over or not asks or self._locks_up_after(at):
             return report
-        self._put(at)
+        self._update_to(at)
         return self._solver.solve(saved)
 
     def _locks_up_after(self, at: float) -> bool:
         """Whether a proof shows that nothing is admissible a little later; collective."""
         beyond = at + _BEYOND * (at - self._timeline.start)
         try:
-            self._put(beyond)
+            self._update_to(beyond)
             verdict = self._solver.verdict()
         except InputError:
             return False
         finally:
-            self._put(at)
+            self._update_to(at)
         if verdict is None:
             return False
         report = Outcome(failure=Infeasible.code, reason=verdict.reason, suggestion=verdict.advice)
@@ -294,13 +294,13 @@ class Process(Iterator[S]):
         return True
 
     def _end(self, last: S, ended: Finding | None = None) -> dict[str, Any]:
-        """The entries of a last solution with which the process ends, in words, or fails."""
+        """The entries ``steps`` and ``warnings`` of the last solution of a process that ends."""
         warnings = [*last.warnings, *self._halved[len(last.halved) :]]
         steps = {**last.facts["steps"], "halvings": len(self._halved), "ended": ended}
         return {"steps": steps, "warnings": warnings if ended is None else [ended, *warnings]}
 
     def _stopped(self, last: S, reason: str) -> S:
-        """The last solution, which is that of a process that goes no farther."""
+        """The last solution, with the finding that the process ends there."""
         ended = Finding("steps.ended", time=last.time, reason=reason)
         return last.with_entries(**self._end(last, ended))
 
@@ -336,8 +336,8 @@ class Process(Iterator[S]):
 
 # Steps that differ by less than this share have the same length.
 _ROUNDING = 1e-9
-# A step may be halved so often, without a least step: less often where a proof says that the body
-# cannot follow the whole step.
+# The most halvings of a step, without a least step: fewer where a proof says that the body cannot
+# follow the whole step.
 _HALVINGS, _HALVINGS_AT_LIMIT = 6, 3
 
 
@@ -346,9 +346,9 @@ class Timeline:
 
     ``done`` is the time of the last solution, at first the ``start`` of the steps.  A failure
     halves the step, down to the least one; a success between two planned times lets the next step
-    be twice as long.  ``refused`` is the earliest time, since
-    the last planned one, at which a proof shows that no displacement is admissible, with the report
-    that says so.  ``failed`` has the reasons by the times that failed near it.
+    be twice as long.  ``refused`` is the earliest time since the last planned one at which a proof
+    shows that no displacement is admissible, with its report.  ``failed`` maps times at which
+    solves failed near it to the reasons.
     """
 
     def __init__(self, steps: Steps) -> None:
@@ -376,12 +376,12 @@ class Timeline:
         return self._planned[0]
 
     @property
-    def left(self) -> int:
-        """The number of planned times that are left."""
+    def remaining(self) -> int:
+        """The number of planned times after those that are done."""
         return len(self._planned)
 
     def skip_to(self, time: float) -> None:
-        """Take the solutions up to a time for done."""
+        """Count the times up to this one as done."""
         while self._planned and self._planned[0] <= time:
             self._interval_start = self._planned.popleft()
         self.done = time
@@ -403,12 +403,12 @@ class Timeline:
         return self.target in self.failed or (refused is not None and self.target >= refused[0])
 
     def refuse(self, time: float, report: Outcome) -> None:
-        """Take a time at which nothing is admissible, as the report says."""
+        """Store a time at which nothing is admissible, with the report that proves it."""
         if self.refused is None or time < self.refused[0]:
             self.refused = time, report
 
     def fail(self) -> bool:
-        """The solve at the target has failed; False if the step must not be halved."""
+        """Halve the step after a failure at the target; False if it is too short for that."""
         half = 0.5 * (self.target - self.done)
         halvings = _HALVINGS if self.refused is None else _HALVINGS_AT_LIMIT
         least = self._least or (self.planned - self._interval_start) / 2**halvings

@@ -1,4 +1,4 @@
-"""A discrete problem with its solver: any number of solves, and the solution of each."""
+"""A discrete problem with its solver, for any number of solves, and the solution of each."""
 
 from __future__ import annotations
 
@@ -25,12 +25,7 @@ from contact_locking.problem.rounding import LooseMotion
 from contact_locking.problem.system import System
 from contact_locking.process.findings import findings
 from contact_locking.results.contact_points import OPEN
-from contact_locking.results.derived import (
-    BodyFields,
-    Contacts,
-    gather_contacts,
-    on_gamma_c,
-)
+from contact_locking.results.derived import BodyFields, Contacts, gather_contacts, on_gamma_c
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
@@ -49,7 +44,7 @@ _APART = "with the bodies paired as at the previous solution, nothing is admissi
 class ProblemSolver:
     """The solver of a discrete problem; mesh, compiled forms and spaces are made once.
 
-    Before each solve the caller updates the problem to its time or new data.  Constructor and
+    Before each solve the caller updates the problem to the present time and data.  Constructor and
     methods are collective.  Raises InputError for a problem that ``method: penalty`` cannot solve.
     """
 
@@ -99,19 +94,17 @@ class ProblemSolver:
         self.system.assemble_loads()
         self.system.clear()
 
-    def solve(
-        self,
-        saved: SavedState | None = None,
-        searches: bool = True,
-    ) -> Outcome:
-        """Solve for the present data, from a saved state if that helps; see :class:`Task`."""
+    def solve(self, saved: SavedState | None = None, searches: bool = True) -> Outcome:
+        """Solve for the present data; tries the ``saved`` state first.
+
+        ``searches`` is that of :class:`Task`.  The bodies are paired anew at each solution, until
+        the pairing stays.
+        """
         self.close()
 
         def task() -> Task:
             return dataclasses.replace(
-                self.task,
-                is_unbalanced=self.is_unbalanced,
-                searches=searches,
+                self.task, is_unbalanced=self.is_unbalanced, searches=searches
             )
 
         if self._method == "penalty":
@@ -132,16 +125,12 @@ class ProblemSolver:
         return report
 
     def _next_start(self, report: Outcome, before: Multipliers | None) -> SavedState | None:
-        """Pair the bodies anew at the solution; the state to go on from, None if none changed.
-
-        ``before`` are the multipliers for the previous pairing.
-        """
-        problem, system = self.problem, self.system
-        assert report.multipliers is not None
-        forces = report.multipliers.contacts
-        pairs = zip(forces, (before or report.multipliers).contacts, strict=True)
-        settled = [before is not None and now.is_near(then, system.comm) for now, then in pairs]
-        if not problem.update_pairs([each.touches for each in forces], settled):
+        """Pair the bodies anew at the solution; the next start, None if no pairing changed."""
+        problem, system, now = self.problem, self.system, report.multipliers
+        assert now is not None
+        pairs = zip(now.contacts, (before or now).contacts, strict=True)
+        settled = [before is not None and x.is_near(then, system.comm) for x, then in pairs]
+        if not problem.update_pairs([forces.touches for forces in now.contacts], settled):
             return None
         return SavedState(
             problem.u.x.array.copy(),
@@ -164,7 +153,7 @@ class ProblemSolver:
         return self.target.penalty.is_strict and maximum(self.system.comm, limits) > 0.0
 
     def verdict(self) -> Verdict | None:
-        """That nothing is admissible for the present data, None without a proof."""
+        """The proof that no displacement is admissible for the present data, or None."""
         return Reasons(dataclasses.replace(self.task, monitor=Monitor())).verdict
 
     def is_unbalanced(self) -> bool:
@@ -206,7 +195,7 @@ class ProblemSolver:
         solution = solution_of(state, judged, derivatives)
         if judged is None or not (extras and extras.limit and solution.converged):
             return solution
-        measured = {"reason": "not measured in a process, whose earlier steps depend on n, too"}
+        measured = {"reason": "not measured in a process, whose earlier steps depend on n as well"}
         if criteria is None:
             measured = self._distance_to_limit(solution)
         errors = {**judged.errors, "penalty_measured": measured}
@@ -216,7 +205,7 @@ class ProblemSolver:
         """The distance to the solution for n = inf on the same mesh."""
         problem, system = self.problem, self.system
         if problem.data.own_energy is not None:
-            return {"reason": "not measured with your own energy"}
+            return {"reason": "not measured with a user-defined energy"}
         self.monitor.message("solving for n = .inf, to measure the distance")
         limit = dataclasses.replace(self.target, penalty=problem.penalty.inequality())
         with system.preserved():
@@ -228,7 +217,7 @@ class ProblemSolver:
         return distance(solution.displacement, exact, problem.data)
 
     def unused_options(self) -> list[Finding]:
-        """A finding about PETSc options that no solve has used, if there are any."""
+        """A finding that names the PETSc options that no solve has used, or nothing."""
         unused = self._options.unused()
         return [Finding("solver.unused_options", names=", ".join(unused))] if unused else []
 
@@ -241,7 +230,8 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
 
 
 _SLIDING_ADVICE = (
-    "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
+    "Press the body more, lower the loads that move it, raise friction.coefficient, or hold it by "
+    "loads.displacements."
 )
 _ENTRY_ADVICE = (
     "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or use a rounder "
@@ -371,7 +361,7 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         numbers = computed("contact", Contacts(domain, (fields,)))
         contact, against = fields.contact, fields.contact.against
         places = {"on": list(contact.on), **({"against": list(against)} if against else {})}
-        entry = {"name": contact.given.name, **places, **numbers}
+        entry = {"name": contact.concept.name, **places, **numbers}
         for tool, size in zip(tools, tools.travels, strict=True):
             if tool.contact is fields.contact:
                 entry["tool"] = tool.summary(size)
@@ -380,8 +370,8 @@ def _contacts(state: SolvedState) -> dict[str, Any]:
         entries.append(entry)
     whole = computed("contact", Contacts(domain, state.contacts))
     if len(entries) > 1:
-        alone = tuple(item for item in state.contacts if not item.contact.against)
+        alone = tuple(fields for fields in state.contacts if not fields.contact.against)
         sums = computed("contact", Contacts(domain, alone))
-        resultants = [key for key, item in QUANTITIES.items() if item.is_resultant]
+        resultants = [key for key, quantity in QUANTITIES.items() if quantity.is_resultant]
         whole |= {key: sums[key] if alone else None for key in resultants}
     return whole | {"contacts": entries}

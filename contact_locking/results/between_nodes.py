@@ -27,10 +27,10 @@ from contact_locking.mesh.domain import Domain
 from contact_locking.parallel import maximum, peak
 from contact_locking.problem.rounding import ROUNDING
 
-# Each edge of a facet is divided into so many parts, by the dimension of the body, and the steps of
-# the search from the best point are halved so often.
+# The parts of each edge of a facet in the lattice, by the dimension of the body, and the halvings
+# of the steps of the search from the best point.
 _DIVISIONS, _HALVINGS = {2: 16, 3: 6}, 5
-# The normals of a foundation that the nodes of a facet know turn by less between them.
+# The normals of a foundation at the nodes of a facet show its curvature if they turn by less.
 _KNOWN = 0.7
 # Nodes within this multiple of the radius of a facet are around it, and a foundation that enters by
 # this share of its indentation at one of them is seen there.
@@ -38,7 +38,7 @@ _AROUND, _SEEN = 3.0, 0.5
 # An indentation is at least this share of the largest displacement: a smaller one is of the order
 # of the square of the displacements, which the linearised contact conditions leave out.
 _LEAST = 1e-4
-#: A foundation that enters between the nodes by this share of its indentation asks for nodes there.
+#: Where a foundation enters between the nodes by this share of its indentation, nodes are missing.
 NOTABLE = 0.1
 # A corner of the foundation is looked for as deep as this multiple of the radius of a facet.
 _REACH = 1.5
@@ -267,12 +267,8 @@ class _Facets:
             at_points = np.einsum("mqn,mni->imq", basis, values[facets])
             return at_points.reshape(len(at_points), -1)
 
-        opening = self._contact.foundation.opening(
-            of(self._x),
-            of(self._u_normal[:, :, None])[0],
-            of(self._x + self._past),
-        )
-        return -opening.reshape(shape)
+        u_normal, moved = of(self._u_normal[:, :, None])[0], of(self._x + self._past)
+        return -self._contact.foundation.opening(of(self._x), u_normal, moved).reshape(shape)
 
     def _basis(self, weights: FloatArray) -> FloatArray:
         """The nodal functions (m, q, n) of a facet at points (m, q, d)."""
@@ -283,7 +279,7 @@ class _Facets:
     def _known_curvature(
         self, normals: FloatArray, corners: IndexArray, touches: BoolArray
     ) -> FloatArray:
-        """How far (m,) a foundation enters facets all of whose corners touch it, as they know.
+        """How far (m,) a foundation may enter facets all of whose corners touch it.
 
         Between the corners of a facet of length h, where the normals of the foundation turn by an
         angle a, it enters by ``h a/8`` if it is round, and by up to ``h a/4`` if it has an edge.
@@ -339,9 +335,9 @@ def uncovered_entry(
 ) -> tuple[float, tuple[float, ...]]:
     """How deep the boundary outside of a contact's part of Gamma_C enters its foundation.
 
-    The depth, a length, is judged at the nodes of the moved boundary ``x + u(x)``, and comes with
-    the place (d,) before the body moved.  The rest of a flat side, of which a part is pressed by a
-    half space, is left out.  Collective.
+    Returns the depth, a length at the nodes of the moved boundary ``x + u(x)``, and the place (d,)
+    before the body moved.  Where a half space presses on a part of a flat side, the other parts of
+    that side are left out.  Collective.
     """
     dim, space = domain.dim, u.function_space
     exterior = dmesh.exterior_facet_indices(domain.mesh.topology)

@@ -62,11 +62,13 @@ class ContactPoints:
         return ContactPoints(*(getattr(self, column.name)[rows] for column in fields(self)))
 
     def rows(self) -> list[slice]:
+        """The rows of each contact."""
         starts = np.unique(self.contact, return_index=True)[1]
         ends = itertools.pairwise([*map(int, starts), len(self)])
         return [slice(start, end) for start, end in ends]
 
     def parts(self) -> list[ContactPoints]:
+        """The points of each contact."""
         return [self[rows] for rows in self.rows()]
 
     @property
@@ -159,7 +161,7 @@ def curves(segments: IntArray) -> list[IntArray]:
     for joined in neighbours.values():
         joined.sort()
     ends = [point for point, joined in neighbours.items() if len(joined) == 1]
-    found_curves = []
+    lines = []
     for start in [*sorted(ends), *sorted(neighbours)]:
         curve = [start]
         while neighbours[curve[-1]]:
@@ -167,8 +169,8 @@ def curves(segments: IntArray) -> list[IntArray]:
             neighbours[following].remove(curve[-1])
             curve.append(following)
         if len(curve) > 1:
-            found_curves.append(np.array(curve, dtype=np.int64))
-    return sorted(found_curves, key=lambda curve: int(curve[0]))
+            lines.append(np.array(curve, dtype=np.int64))
+    return sorted(lines, key=lambda curve: int(curve[0]))
 
 
 def along_curves(x: FloatArray, segments: FloatArray) -> IntArray:

@@ -56,10 +56,11 @@ class ContactFields:
 
     - ``normal``, ``gap``, ``u_normal``, ``u_tangent``: nu, gap, u_nu, u_tau
     - ``increment``, ``slip``: the slip (k, d) of the step, and the accumulated length (k,)
-    - ``old_place``, ``old_slip``: what friction remembers of earlier steps
+    - ``old_place``, ``old_slip``: ``u_{k-1,tau}`` (k, d) and the slip (k,) before the step
     - ``pressure``, ``traction``, ``smoothed_stress``, ``bound``: p, sigma_tau, R sigma_nu and G
-    - ``state``, ``holds``, ``free``: OPEN, STICK or SLIP; sticks without any slip; is not held
-    - ``drag``, ``travel``, ``tool``: the foundation's motion in the step, its travel, and itself
+    - ``state``, ``holds``, ``free``: OPEN, STICK or SLIP; no slip at all; not held: (k,) each
+    - ``drag``, ``travel``: the foundation's motion in the step (k, d), and its travel (d,)
+    - ``tool``: the foundation itself, None for a gap
     """
 
     def __init__(
@@ -262,13 +263,13 @@ class BodyFields:
     ) -> fem.Function:
         """The values of an expression, which is compiled once for each name and number."""
 
-        def compile_it() -> tuple[fem.FunctionSpace, fem.Expression]:
+        def compile_expression() -> tuple[fem.FunctionSpace, fem.Expression]:
             expr = made()
             space = element.shared_strain_space(self._kept, self.domain.mesh, expr.ufl_shape)
             return space, compiled.interpolation(expr, space)
 
         at = "peaks" if element is not self._element else "points"
-        space, values = self._kept((name, number, at), compile_it)
+        space, values = self._kept((name, number, at), compile_expression)
         function = fem.Function(space, name=name)
         function.interpolate(values)
         function.x.scatter_forward()

@@ -1,21 +1,19 @@
-"""The fields of a solution as a VTX file (ADIOS2) for ParaView, and as XDMF for other tools."""
+"""The fields of a solution in VTK's HDF5 format, which ParaView, PyVista and h5py read."""
 
 from __future__ import annotations
 
-import contextlib
-import ctypes
 import errno
 import os
 import re
-import shutil
-from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import ufl
-from dolfinx import fem, io
-from mpi4py import MPI
+from dolfinx import fem
+from dolfinx.plot import vtk_mesh
 
+from contact_locking.arrays import FloatArray
 from contact_locking.fem import compiled
 from contact_locking.results.solution import Solution
 
@@ -33,22 +31,18 @@ FIELD_NAMES = (
     "contact_state",
 )
 
-# To write a file of BP4, ADIOS2 needs some three times its bytes in memory.  BP5 takes two thirds
-# of that, and ParaView reads BP5 from version 5.12 on only, so that smaller files are BP4.
-_LARGEST_BP4 = 2**29
-
-# After a failure without an error number the disk is taken to be full if fewer bytes are free.
-_NO_ROOM_BYTES = 65_536
+# What HDF5 adds to the values of a dataset.
+_BYTES_OF_A_DATASET = 4096
 
 
 def discontinuous(solution: Solution) -> list[fem.Function]:
     """All fields as discontinuous functions of the displacement's degree.
 
-    All functions of a VTX file have one element, and these functions contain the displacements and
-    the strains.  Values that are constant in a cell are copied.  Of strains that vary in a cell the
-    norm is |eps(u)| at each node, unless the body is axisymmetric.  The other fields of the space
-    of strains are extended to the nodes as the functions that they are, except ``locked``, which is
-    that of the point beside a node and stays between 0 and 1.
+    One element contains the displacements and the strains, so that a file has one mesh.  Values
+    that are constant in a cell are copied.  Of strains that vary in a cell the norm is |eps(u)| at
+    each node, unless the body is axisymmetric.  The other fields of the space of strains are
+    extended to the nodes as the functions that they are, except ``locked``, which is that of the
+    point beside a node and stays between 0 and 1.
     """
     degree, mesh = solution.element.degree, solution.domain.mesh
     spaces: dict[tuple[int, ...], fem.FunctionSpace] = {}
@@ -92,74 +86,82 @@ def _fill(copy: fem.Function, function: fem.Function, name: str, solution: Solut
             copy.x.array[:] = np.clip(np.round(copy.x.array, 9), 0.0, 1.0)
 
 
-def size(functions: list[fem.Function], comm: MPI.Intracomm) -> int:
-    """An upper bound of the bytes of the file: values, mesh, and ADIOS2's metadata of each rank."""
-    space = functions[0].function_space
-    mesh, in_cell = space.mesh, space.dofmap.list.shape[1]
-    cells = mesh.topology.index_map(mesh.topology.dim).size_global
-    nodes = cells * in_cell
-    # A vector has 3 and a tensor 9 components in the file; a point has 3, a number and a ghost
-    # mark.
-    components = sum({0: 1, 1: 3, 2: 9}[len(f.ufl_shape)] for f in functions) + 3 + 2
-    return int(8 * (components * nodes + nodes + cells) + 32_768 * (1 + comm.size))
+def size(functions: list[fem.Function]) -> int:
+    """An upper bound of the bytes that :func:`append` writes on this rank for the first time."""
+    dofmap = functions[0].function_space.dofmap
+    values = sum({0: 1, 1: 3, 2: 9}[len(function.ufl_shape)] for function in functions)
+    return 8 * (values + 5) * dofmap.list.size + _BYTES_OF_A_DATASET * (len(functions) + 20)
 
 
-class Series:
-    """A file with the functions at several times; collective.
+def append(functions: list[fem.Function], path: Path, time: float, new: bool) -> None:
+    """Append this rank's part of functions at a time to a file, after those of the ranks before it.
 
-    Before each call of :meth:`add` the functions get their values.  The methods raise OSError where
-    ADIOS2 fails.
+    The functions are those of :func:`discontinuous`.  A ``new`` file or part has the mesh too, as a
+    piece of VTKHDF's unstructured grids for each rank.  Raises OSError where HDF5 fails.
     """
+    import h5py
 
-    def __init__(self, functions: list[fem.Function], path: Path, comm: MPI.Intracomm) -> None:
-        self.functions, self._path = functions, path
-        engine = "BP4" if size(functions, comm) <= _LARGEST_BP4 else "BP5"
-        self._file = io.VTXWriter(comm, path, functions, engine=engine)
-
-    def add(self, time: float) -> None:
-        """Write the present values for a time."""
-        with _explained(self._file, self._path):
-            self._file.write(time)
-
-    def close(self) -> None:
-        """Complete the file."""
-        with _explained(self._file, self._path):
-            self._file.close()
-
-
-@contextlib.contextmanager
-def _explained(file: io.VTXWriter, path: Path) -> Iterator[None]:
-    """Raise an OSError in place of the error of ADIOS2."""
+    comm = functions[0].function_space.mesh.comm
     try:
-        yield
-    except RuntimeError as error:
-        # The destructor of ADIOS2 would write again, and an exception in a destructor ends the
-        # process.  One more reference to the file prevents the call of the destructor.
-        ctypes.pythonapi.Py_IncRef(ctypes.py_object(file))
-        number_text = re.search(r"errno = (\d+)", str(error))
-        full = shutil.disk_usage(path.parent).free < _NO_ROOM_BYTES
-        number = int(number_text[1]) if number_text else errno.ENOSPC if full else errno.EIO
-        raise OSError(number, os.strerror(number), str(path)) from error
+        with h5py.File(path, "w" if new and comm.rank == 0 else "a") as file:
+            group = file.require_group("VTKHDF")
+            if new:
+                _append_mesh(group, functions[0].function_space)
+            if comm.rank == 0:
+                _append_time(group, functions, time, comm.size)
+            for function in functions:
+                _extend(group, f"PointData/{function.name}", values_at_nodes(function))
+    except (OSError, RuntimeError) as error:  # with texts of many lines
+        number = re.search(r"errno = (\d+)", str(error))
+        code = int(number[1]) if number else errno.EIO
+        raise OSError(code, os.strerror(code), str(path)) from error
 
 
-def write_xdmf(solution: Solution, path: Path, comm: MPI.Intracomm) -> None:
-    """Write all fields to ``path`` and to the file beside it that ends with .h5; collective.
+def _append_mesh(group: Any, space: fem.FunctionSpace) -> None:
+    cells, kinds, nodes = vtk_mesh(space)
+    in_cell = space.dofmap.list.shape[1]
+    links = cells.reshape(-1, in_cell + 1)[:, 1:]
+    group.attrs["Version"] = [2, 0]
+    group.attrs["Type"] = np.bytes_("UnstructuredGrid")
+    _extend(group, "NumberOfPoints", [links.size])
+    _extend(group, "NumberOfCells", [len(links)])
+    _extend(group, "NumberOfConnectivityIds", [links.size])
+    _extend(group, "Points", nodes[: links.size])
+    _extend(group, "Connectivity", links.reshape(-1).astype(np.int64))
+    _extend(group, "Offsets", in_cell * np.arange(len(links) + 1))
+    _extend(group, "Types", kinds.astype(np.uint8))
 
-    Fields of strains and stresses are constant in each cell, and the others have the values at the
-    corners of the cells.  Raises OSError where HDF5 fails.
-    """
-    mesh = solution.domain.mesh
-    try:
-        with io.XDMFFile(comm, path, "w") as file:
-            file.write_mesh(mesh)
-            for name in FIELD_NAMES:
-                function = getattr(solution, name)
-                if function is not None:
-                    jumps = function.function_space.element.basix_element.discontinuous
-                    element = ("DG", 0) if jumps else ("P", 1)
-                    space = fem.functionspace(mesh, (*element, function.ufl_shape))
-                    copy = fem.Function(space, name=name)
-                    copy.interpolate(function)
-                    file.write_function(copy, 0.0)
-    except RuntimeError as error:
-        raise OSError(f"HDF5 cannot write {path.name}: {error}") from error
+
+def _append_time(group: Any, functions: list[fem.Function], time: float, parts: int) -> None:
+    """Where a time has its values; the mesh is that of the first time."""
+    steps = group.require_group("Steps")
+    _extend(steps, "Values", [time])
+    steps.attrs["NSteps"] = len(steps["Values"])
+    _extend(steps, "NumberOfParts", [parts])
+    for name in ("PartOffsets", "PointOffsets"):
+        _extend(steps, name, [0])
+    for name in ("CellOffsets", "ConnectivityIdOffsets"):
+        _extend(steps, name, [[0]])
+    for function in functions:
+        name = f"PointData/{function.name}"
+        _extend(steps, name.replace("/", "Offsets/"), [len(group[name]) if name in group else 0])
+
+
+def values_at_nodes(function: fem.Function) -> FloatArray:
+    """The values (k,), (k, 3) or (k, 9) at the nodes of this rank's cells."""
+    shape, dofmap = function.ufl_shape, function.function_space.dofmap
+    count = dofmap.index_map.size_local
+    values = function.x.array[: count * dofmap.bs].reshape(count, *shape)
+    in_space = np.pad(values, [(0, 0), *((0, 3 - n) for n in shape)])
+    return in_space.reshape(count, 3 ** len(shape)) if shape else in_space
+
+
+def _extend(group: Any, name: str, rows: Any) -> None:
+    """Append rows to a dataset, which is made if there is none."""
+    rows = np.asarray(rows)
+    if name not in group:
+        group.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]))
+        return
+    count = len(group[name])
+    group[name].resize(count + len(rows), axis=0)
+    group[name][count:] = rows

@@ -6,7 +6,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 from pydantic import Field, field_validator
 
@@ -108,14 +108,9 @@ class Output(Concept):
     """The files with the results."""
 
     directory: Text = entry(
-        "results", "folder of the results; of a file without one results/ and the name of the file"
+        "results", "folder of the results; null: results/ and the name of the study file"
     )
     fields: Switch = entry(True, "whether to write the fields for ParaView")
-    formats: tuple[Literal["vtx", "xdmf"], ...] = entry(
-        ("vtx",),
-        "the files of the fields: vtx (fields.bp, for ParaView 5.11 or newer, or 5.12 for more "
-        "than 0.5 GB), xdmf (fields.xdmf, for tools that do not read VTX), or both",
-    )
     picture: Switch = entry(True, "whether to draw a picture")
     probes: tuple[Probe, ...] = entry(
         (), "points where probes.csv has displacement, strain norm and stresses"
@@ -171,9 +166,7 @@ T = TypeVar("T")
 HEADER = "# All parameters, written by contact_locking\n"
 #: The key of the study file with the folder.
 KEY = "output.directory"
-SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.bp"
-#: The fields for tools that do not read VTX: XDMF, and its data in HDF5.
-XDMF, XDMF_DATA = "fields.xdmf", "fields.h5"
+SUMMARY, PARAMETERS, FIELDS = "summary.json", "parameters.yaml", "fields.vtkhdf"
 #: A row of numbers for each step of a process.
 HISTORY = "history.csv"
 CONTACT, FACETS = "contact.csv", "contact_facets.csv"
@@ -191,7 +184,7 @@ PAGE, CHARTS = "report.html", "report"
 CHECKPOINT, RECORD = "checkpoint", "record.json"
 #: All of a run in the order in which they are put in place: a folder with a summary has the others.
 FILES_OF_RUN = (
-    *(PARAMETERS, CONTACT, FACETS, HISTORY, FIELDS, XDMF_DATA, XDMF, PROBES),
+    *(PARAMETERS, CONTACT, FACETS, HISTORY, FIELDS, PROBES),
     *(BRANCHES, PICTURE, FIT, FIT_PICTURE, PAGE, CHECKPOINT, SUMMARY),
 )
 #: More than the bytes of a summary, the parameters and some hundred contact points.

@@ -31,14 +31,14 @@ class ProbePoints:
     """The k points ``x`` (k, d) of all probes, the same on all ranks.
 
     ``probe`` (k,) is the number of the probe and ``number`` (k,) the number of the point in the
-    probe, both from 0.  Each point belongs to one cell of one rank: ``own`` (m,) are the points of
-    this rank, and ``cells`` (m,) are their cells.
+    probe, both from 0.  Each point belongs to one cell of one rank: ``owned`` (m,) are the points
+    of this rank, and ``cells`` (m,) are their cells.
     """
 
     x: FloatArray
     probe: IntArray
     number: IntArray
-    own: IntArray
+    owned: IntArray
     cells: IndexArray
 
     def __len__(self) -> int:
@@ -143,7 +143,7 @@ def sample(points: ProbePoints, solution: Solution) -> Table:
             locking[:, components],
         ]
     )
-    gathered = solution.domain.comm.gather((points.own, local))
+    gathered = solution.domain.comm.gather((points.owned, local))
     if gathered is None:
         return Table()
     values = np.empty((len(points), len(names)))
@@ -166,8 +166,8 @@ def in_step(sampled: Table, step: int, time: float) -> Table:
 def _local_values(points: ProbePoints, field: fem.Function) -> FloatArray:
     """The values (m, n) of a field at the m points of this rank."""
     size = int(np.prod(field.ufl_shape, dtype=int))
-    places = np.zeros((len(points.own), 3))
-    places[:, : points.x.shape[1]] = points.x[points.own]
+    places = np.zeros((len(points.owned), 3))
+    places[:, : points.x.shape[1]] = points.x[points.owned]
     if not len(places):
         return np.empty((0, size))
     return np.asarray(field.eval(places, points.cells)).reshape(len(places), size)

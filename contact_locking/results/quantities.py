@@ -265,7 +265,7 @@ _ELSEWHERE = (
     Quantity("iterations.tangents", "tangents", "factorised or preconditioned", "1", trend="jumps"),
     Quantity("wall_seconds", "time", "time of the whole solve", "s", trend="jumps"),
 )
-QUANTITIES |= {item.key: item for item in _ELSEWHERE}
+QUANTITIES |= {entry.key: entry for entry in _ELSEWHERE}
 
 
 def computed(of: Of, fields: BodyFields | Contacts) -> dict[str, Any]:

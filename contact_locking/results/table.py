@@ -22,7 +22,7 @@ Row: TypeAlias = Mapping[str, Any]
 class Table:
     """Columns by name, each of k numbers or words: lists, or arrays (k,).
 
-    ``units`` are those of columns: ``length``, ``stress``; others are numbers without one.
+    ``units`` are those of columns, such as ``length`` and ``stress``; the others have none.
     """
 
     columns: dict[str, Any] = field(default_factory=dict)
@@ -50,7 +50,7 @@ class Table:
             self.columns.setdefault(name, []).append(value)
 
     def after(self, before: Table) -> Table:
-        """The rows of another table with the same columns, and then these."""
+        """The rows of ``before``, a table with the same columns, followed by these."""
         if not before.columns or not self.columns:
             return self if self.columns else before
         pairs = ((name, (before.columns[name], values)) for name, values in self.columns.items())
@@ -69,7 +69,7 @@ class Table:
         return self.columns[name][-1] if self.columns else 0.0
 
     def converged(self) -> Table:
-        """The steps of a history without one that did not converge."""
+        """The history without steps that did not converge."""
         return Table.of([row for row in self if row.get("converged", 1)])
 
     def values(self, text: str) -> FloatArray:

@@ -31,7 +31,7 @@ from contact_locking.errors import (
 )
 from contact_locking.files import make_folders
 from contact_locking.findings import Finding
-from contact_locking.parallel import on_root
+from contact_locking.parallel import agree, on_root
 from contact_locking.process import checkpoint as checkpoints
 from contact_locking.process.loop import Process
 from contact_locking.results import fields
@@ -60,7 +60,7 @@ def run(
 ) -> tuple[Solution, list[Finding]]:
     """The last solution, its results in ``directory``, and the warnings of writing; collective.
 
-    Of a process fields.bp has every step with its time, and history.csv a row for each.
+    Of a process fields.vtkhdf has every step with its time, and history.csv a row for each.
     ``restart`` is the folder of another run to go on from; without it a process goes on from what
     an earlier run with the same parameters has left in ``directory``.  ``save_state`` adds the
     checkpoint of the last solution.  Raises the errors of `solving.solve` and `write`;
@@ -95,7 +95,7 @@ def write_steps(
     """The last solution of a process, and the warnings of writing; collective.
 
     Each step is saved in ``directory``, for ``restart=directory``, until the process has reached
-    its end; then :func:`write` writes, with all steps in fields.bp.
+    its end; then :func:`write` writes, with all steps in fields.vtkhdf.
     """
     target, output = Path(directory), output or Output()
     saved = checkpoints.SavedSteps(target)
@@ -129,8 +129,7 @@ def write_steps(
         assert last is not None
         last = last if ended is None else last.with_entries(**ended.entries)
         last = replace(last, probes=probes)
-        file = series.finish() if series else None
-        warnings = write(last, target, output, save_state, file)
+        warnings = write(last, target, output, save_state, series.path if series else None)
     if ended is not None:
         raise ended
     if last.converged:
@@ -139,34 +138,26 @@ def write_steps(
 
 
 class FieldSeries(contextlib.ExitStack):
-    """fields.bp of a process, which grows in a staging folder from step to step; collective."""
+    """fields.vtkhdf, which grows in a staging folder from step to step; collective."""
 
     def __init__(self, directory: Path, comm: MPI.Intracomm) -> None:
         super().__init__()
-        self._target, self._comm = directory, comm
-        self._path = self.enter_context(_staging(comm, directory)) / names.FIELDS
-        self._series: fields.Series | None = None
-        # ADIOS2 closes its files before the folder goes.
-        self.callback(setattr, self, "_series", None)
+        self._target, self._comm, self._new = directory, comm, True
+        self.path: Path = self.enter_context(_staging(comm, directory)) / names.FIELDS
 
     def add(self, solution: Solution) -> None:
-        """Add the fields of a step with its time; collective."""
+        """Add the fields of a step with its time, one rank after the other; collective."""
         comm, functions = self._comm, fields.discontinuous(solution)
-        size = fields.size(functions, comm)
-        on_root_of(comm, self._target, partial(files.require_room, self._path.parent, size))
-        with _explained_alone(self._target, comm):
-            if self._series is None:
-                self._series = fields.Series(functions, self._path, comm)
-            for function, new in zip(self._series.functions, functions, strict=True):
-                function.x.array[:] = new.x.array
-            self._series.add(solution.time)
+        size = comm.allreduce(fields.size(functions))
+        on_root_of(comm, self._target, partial(files.require_room, self.path.parent, size))
 
-    def finish(self) -> Path:
-        """Complete the file, which :func:`write` moves to its place; collective."""
-        if self._series is not None:
-            with _explained_alone(self._target, self._comm):
-                self._series.close()
-        return self._path
+        def append() -> None:
+            with explained_in(self._target):
+                fields.append(functions, self.path, solution.time, self._new)
+
+        for rank in range(comm.size):
+            agree(comm, append if rank == comm.rank else lambda: None)
+        self._new = False
 
 
 def completed(solution: S, output: Output) -> S:
@@ -190,12 +181,12 @@ def write(
     """Write all files of a solution and return the warnings, the same on all ranks; collective.
 
     The files are summary.json, contact.csv and contact_facets.csv, and parameters.yaml for a
-    study.  ``output``, by default the section of a study, adds fields.bp or fields.xdmf,
-    picture.png and probes.csv; ``checkpoint`` adds the folder checkpoint.  A step of a process adds
-    history.csv.  ``series``, the file of a `FieldSeries`, is fields.bp in place of
-    the fields of this step.  The files are written into a staging folder and moved when all are
-    complete.  They replace the results of an earlier run in the folder, also those that this one
-    does not have; all other files stay.
+    study.  ``output``, by default the section of a study, adds fields.vtkhdf, picture.png and
+    probes.csv; ``checkpoint`` adds the folder checkpoint.  A step of a process adds history.csv.
+    ``series``, the file of a `FieldSeries`, is fields.vtkhdf in place of the fields of this step.
+    The files are written into a staging folder and moved when all are complete.  They replace the
+    results of an earlier run in the folder, also those that this one does not have; all other
+    files stay.
 
     If the picture cannot be made, a warning says so, also in summary.json.
     Raises InputError for a folder that cannot be written to or holds files of these names that no
@@ -214,14 +205,10 @@ def write(
     with _staging(comm, target) as staging:
         if series is not None:
             on_root_of(comm, target, partial(series.rename, staging / names.FIELDS))
-        elif output.fields and "vtx" in output.formats:
-            with FieldSeries(target, comm) as fields_file:
-                fields_file.add(solution)
-                made = fields_file.finish()
-                on_root_of(comm, target, partial(made.rename, staging / names.FIELDS))
-        if output.fields and "xdmf" in output.formats:
-            with _explained_alone(target, comm):
-                fields.write_xdmf(solution, staging / names.XDMF, comm)
+        elif output.fields:
+            with FieldSeries(target, comm) as alone:
+                alone.add(solution)
+                on_root_of(comm, target, partial(alone.path.rename, staging / names.FIELDS))
         for draw in wings.PICTURES if output.picture else ():
             try:
                 warnings += draw(solution, staging)
@@ -296,17 +283,6 @@ def _write_texts(solution: Solution, folder: Path) -> None:
         texts[names.PROBES] = solution.probes.text()
     for name, text in texts.items():
         (folder / name).write_text(text, encoding="utf-8")
-
-
-def _explained_alone(
-    directory: Path, comm: MPI.Intracomm
-) -> contextlib.AbstractContextManager[None]:
-    """`explained_in` on one rank.
-
-    On several ranks the other ranks may wait inside ADIOS2, where no error reaches them: there the
-    OSError of one rank has to end all ranks.
-    """
-    return explained_in(directory) if comm.size == 1 else contextlib.nullcontext()
 
 
 @contextlib.contextmanager

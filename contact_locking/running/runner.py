@@ -148,7 +148,7 @@ class RunningCase:
         number = -code if code < 0 else code - 128
         if number in list(signal.Signals):
             name = signal.Signals(number).name
-            hint = ", perhaps for want of memory" if number == signal.SIGKILL else ""
+            hint = ", perhaps out of memory" if number == signal.SIGKILL else ""
             return f"was killed by {name}{hint}"
         with self._log.open("rb") as stream:
             stream.seek(max(0, self._log.stat().st_size - _LOG_TAIL))
@@ -158,7 +158,7 @@ class RunningCase:
         if code and (errors := _ERROR.findall(text)):
             return " ".join(errors[-1].split())
         if code in (0, 3):
-            return "left no results of these parameters; has the mesh file changed meanwhile?"
+            return "has no results for these parameters; did the mesh file change meanwhile?"
         return f"ended with exit code {code}; see {self._log}"
 
     def send(self, number: signal.Signals) -> None:

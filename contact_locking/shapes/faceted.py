@@ -138,10 +138,10 @@ class Polyline(FacetedFoundation):
     key = "polyline"
     text = (
         "in 2D the corners of its outline, or a CSV file with the columns x and y; the rigid body "
-        "is on the left of the way from corner to corner"
+        "is on the left when walking from corner to corner"
     )
     unit = "length"
-    turn = "reverse the corners: the foundation is on the left of the way from one to another"
+    turn = "reverse the corners: the foundation is on the left when walking from one to the next"
 
     points: _CornersOrFile = entry(..., "the corners", "length", alias=ONLY)
 

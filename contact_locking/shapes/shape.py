@@ -40,7 +40,7 @@ class RigidMotion:
         """The motion that moves nothing."""
         return cls(np.zeros(dim), np.eye(dim), np.zeros(dim))
 
-    def place(self, points: FloatArray) -> FloatArray:
+    def moved(self, points: FloatArray) -> FloatArray:
         """The present places of the points X (d, k) of the foundation at rest."""
         about = self.about[:, None]
         return about + self.turn @ (points - about) + self.translation[:, None]
@@ -52,7 +52,7 @@ class RigidMotion:
 
     def step_from(self, before: RigidMotion, places: FloatArray) -> FloatArray:
         """The way (d, k) of the points of the foundation at ``places`` since ``before``."""
-        return self.place(before.origin(places)) - places
+        return self.moved(before.origin(places)) - places
 
 
 def skew(axis: FloatArray) -> FloatArray:

@@ -100,9 +100,9 @@ def checked(corners: FloatArray, origin: str) -> Surface:
     # Of two triangles that look to one side, one runs along the common edge and one against it.
     if len(np.unique(keys(sides, len(points)))) < len(sides):
         raise InputError(
-            f"{origin}: neighbouring triangles look to different sides, so that none is outside; "
-            "let all of them run counterclockwise seen from the body (in MeshLab: Re-Orient all "
-            "faces coherently)"
+            f"{origin}: neighbouring triangles face different sides, so that the outside is "
+            "undefined; let all of them run counterclockwise seen from the body (in MeshLab: "
+            "Re-Orient all faces coherently)"
         )
     if rim := int(np.sum(counts == 1)):
         findings.append(Finding("foundation.open", file=origin, count=rim))
@@ -157,7 +157,7 @@ def read_heights(path: Path, spacing: Sequence[float]) -> tuple[FloatArray, IntA
         raise InputError(f"{path} has more than {_MOST} heights; use a coarser grid")
     if min(heights.shape) < 2:
         shape = " by ".join(map(str, heights.shape))
-        raise InputError(f"{path} is no surface: its grid has {shape} heights")
+        raise InputError(f"{path} is not a surface: its grid has {shape} heights")
     x, y = (step * np.arange(n) for step, n in zip(spacing, heights.T.shape, strict=True))
     along, across = np.meshgrid(x, y)
     corners = np.column_stack([along.ravel(), across.ravel(), heights.ravel()])
@@ -189,7 +189,7 @@ def _numbers(path: Path) -> FloatArray:
                 numbers = _rows(path, 0)
             except ValueError:
                 numbers = _rows(path, 1)
-        numbers = np.asarray(numbers, dtype=float)
+        numbers = np.asarray(numbers).astype(float, casting="same_kind")
     except (ValueError, TypeError, EOFError, OSError) as error:
         raise InputError(f"{path} cannot be read as rows of numbers: {error}") from None
     if numbers.ndim != 2:

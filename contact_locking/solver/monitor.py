@@ -15,8 +15,8 @@ class Monitor:
     def message(self, text: str) -> None:
         """Show a text on a line of its own."""
 
-    def step(self, number: int, left: int, time: float) -> None:
-        """Step ``number``, from 1, to a time begins; ``left`` planned ones are to do, with it."""
+    def step(self, number: int, remaining: int, time: float) -> None:
+        """Step ``number``, from 1, to a time begins; ``remaining`` planned ones include it."""
 
     def stage(self, index: int, count_estimate: int, n: float, epsilon: float) -> None:
         """Stage ``index``, counted from 1, begins: the solve with the penalties n and epsilon."""

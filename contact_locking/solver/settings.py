@@ -113,5 +113,5 @@ class Adaptation(Concept):
         "1",
     )
     share: Share = entry(0.5, "the share of the squared error that the marked cells have", "1")
-    max_dofs: Count = entry(100_000, "no mesh has more unknowns", "1")
-    max_meshes: Count = entry(12, "no more meshes, with the first", "1")
+    max_dofs: Count = entry(100_000, "the most unknowns of a mesh", "1")
+    max_meshes: Count = entry(12, "the most meshes, including the first", "1")

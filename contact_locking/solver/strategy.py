@@ -1,7 +1,7 @@
-"""The one entry point to the general solver: its attempts in their order, and why all failed.
+"""The entry point of the general solver: its attempts in their order, and why all of them failed.
 
-The reasons are looked for after a failure, and each is computed when it is first asked for: what is
-proved, and what softer penalties show.
+After a failure it looks for the reason: a proof that there is no solution, or forces that grow with
+the penalty.  Each is computed on first use.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ from contact_locking.solver.task import Counts, Outcome, SavedState, Target, Tas
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 BOUND_ADVICE = (
-    "If the friction bound does not settle, lower friction.coefficient or enlarge "
+    "If the friction bound does not settle, lower the loads or friction.coefficient, or enlarge "
     "friction.smoothing.radius."
 )
 # Less friction is no help for a body that friction holds.
 _HELD_BY_FRICTION = (
-    "Friction alone holds the body: if the loads need all of the friction there is, press the body "
-    "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
-    "bound does not settle, enlarge friction.smoothing.radius."
+    "Friction alone holds the body: if the loads need all of the friction there is, lower them, "
+    "press the body more, raise friction.coefficient, or hold the body by loads.displacements.  If "
+    "the friction bound does not settle, enlarge friction.smoothing.radius."
 )
 _VERGE_ADVICE = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
@@ -65,12 +65,12 @@ class Reasons:
 
     @property
     def verdict(self) -> Verdict | None:
-        """That nothing is admissible, None without a proof."""
+        """The proof that no displacement is admissible, or None."""
         return self._without_friction[0]
 
     @functools.cached_property
     def growth(self) -> Growth | None:
-        """That forces grow with the penalty, None if they do not."""
+        """Two solutions whose forces grow with the penalty, None if there are none."""
         is_strict = self._task.target.penalty.is_strict
         return find_growth(self._task, self._without_friction[1] if is_strict else None)
 
@@ -394,7 +394,7 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
             break
     stages = [stage_of(penalty, task.counts.tangents)]
     outcome = replace(outcome.with_counts(task.counts, stages), warnings=warnings)
-    task.system.tools.rest(task.system.u)
+    task.system.tools.update_unloaded(task.system.u)
     task.monitor.counted(outcome.tangents, outcome.updates)
     return outcome
 

@@ -43,9 +43,8 @@ class ContactForces:
 
     def is_near(self, other: ContactForces, comm: MPI.Intracomm) -> bool:
         """Whether forces differ by at most 1e-3 of the largest pressure; collective."""
-        change = maximum(comm, np.abs(self.pressure - other.pressure))
-        change = max(change, maximum(comm, np.abs(self.friction - other.friction)))
-        return change <= _NEAR * maximum(comm, self.pressure)
+        change = np.column_stack([self.pressure - other.pressure, self.friction - other.friction])
+        return maximum(comm, np.abs(change)) <= _NEAR * maximum(comm, self.pressure)
 
 
 @dataclass(frozen=True)
@@ -256,7 +255,7 @@ class Task:
         return dataclasses.replace(self, settings=settings)
 
     def aside(self, counts: Counts, target: Target | None = None) -> Task:
-        """The same task without progress messages, with separate counts."""
+        """The same task, or one with another target, without messages and with these counts."""
         return dataclasses.replace(
             self, target=target or self.target, monitor=Monitor(), counts=counts
         )

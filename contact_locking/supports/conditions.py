@@ -21,9 +21,15 @@ from contact_locking.fem.fields import Clock
 from contact_locking.mesh.domain import Domain, axis_dofs
 from contact_locking.parallel import agree, maximum, minimum, on_any_rank
 from contact_locking.supports.support import Displacement, Support
-from contact_locking.supports.supports import SAME, SMOOTH, PlacedSupport, place, pseudo_inverse
+from contact_locking.supports.supports import (
+    SAME,
+    SMOOTH,
+    PlacedSupport,
+    placed_supports,
+    pseudo_inverse,
+)
 
-# The sine of the angle between two directions that are too close to each other to be held both.
+# The sine of the angle below which two directions are too close for both to be held.
 _TOO_CLOSE = 1e-2
 # Two conditions for one direction agree up to this share of the largest prescribed value.
 _AGREES = 1e-9
@@ -71,7 +77,7 @@ class HeldDirections:
         self._dim = held.shape[1]
 
     def project(self, values: FloatArray) -> None:
-        """Take the held directions out of local or owned values of a displacement field."""
+        """Remove the components along held directions from local or owned values, in place."""
         blocks, held = self._of(values)
         nodal = values.reshape(-1, self._dim)
         nodal[blocks] -= np.einsum("kij,kj->ki", held, nodal[blocks])
@@ -85,12 +91,12 @@ class HeldDirections:
         return along
 
     def apply(self, values: FloatArray) -> None:
-        """Give local values the prescribed components along the held directions."""
+        """Set the components of local values along held directions to those prescribed."""
         self.project(values)
         values.reshape(-1, self._dim)[self.nodes] += self.values
 
     def without(self, nodes: IndexArray) -> HeldDirections:
-        """The same directions, but not at some local nodes."""
+        """The same directions without those at some local nodes."""
         kept = ~np.isin(self.nodes, nodes)
         directions = HeldDirections(self._comm, self.nodes[kept], self._owned, self.held[kept])
         directions.values = self.values[kept]
@@ -122,7 +128,7 @@ class HeldDirections:
             petsc_object.destroy()
 
     def projected_columns(self, rows: PETSc.Mat) -> PETSc.Mat:
-        """``B P`` for linear forms B (n, k) of displacements; B is given away; collective."""
+        """``B P`` for linear forms B (n, k) of displacements; B is destroyed; collective."""
         if not self._is_anywhere:
             return rows
         projection = self._projection(rows)
@@ -139,7 +145,7 @@ class HeldDirections:
         return block_diagonal(blocks, like.getComm())
 
     def _of(self, values: FloatArray) -> tuple[IndexArray, FloatArray]:
-        """The nodes that an array of values has, and their projections."""
+        """The nodes with a place in an array of local or owned values, and their projections."""
         inside = self.nodes < len(values) // self._dim
         return self.nodes[inside], self.held[inside]
 
@@ -163,7 +169,7 @@ class Constraints:
     """The displacement conditions of a space of displacements.
 
     ``dofs`` are the local dofs, ghosts included, that are fixed by components: by those of ``held``
-    along an axis, ``components``, by the conditions of DOLFINx ``given``, and u_r on the axis of an
+    along an axis, ``components``, by the conditions of DOLFINx ``bcs``, and u_r on the axis of an
     axisymmetric body, which is zero.  ``oblique`` are those of ``held`` along other directions,
     which ``directions`` has node by node.  The values are read anew by :meth:`advance`.  The
     constructor is collective and, as :meth:`advance`, raises InputError for conditions that
@@ -175,17 +181,17 @@ class Constraints:
         domain: Domain,
         space: fem.FunctionSpace,
         held: Sequence[Support | Displacement],
-        given: Sequence[fem.DirichletBC],
+        bcs: Sequence[fem.DirichletBC],
         clock: Clock,
     ) -> None:
-        self.domain, self.space, self.given = domain, space, tuple(given)
-        placed = [found for item in held for found in place(domain, space, item, clock)]
-        self.components = tuple(item for item in placed if item.component is not None)
-        self.oblique = tuple(item for item in placed if item.component is None)
-        self._is_timed = bool(given) or any(item.present.value.is_timed for item in placed)
+        self.domain, self.space, self.bcs = domain, space, tuple(bcs)
+        placed = [x for each in held for x in placed_supports(domain, space, each, clock)]
+        self.components = tuple(each for each in placed if each.component is not None)
+        self.oblique = tuple(each for each in placed if each.component is None)
+        self._is_timed = bool(bcs) or any(each.present.value.is_timed for each in placed)
         empty, dim = np.empty(0, dtype=np.int32), domain.dim
         self._prescribed: list[PlacedSupport | _OnAxes] = [*self.oblique, *self.components]
-        for number, condition in enumerate(given):
+        for number, condition in enumerate(bcs):
             dofs = np.asarray(condition.dof_indices()[0], dtype=np.int32)
             read = partial(self._read, condition, dofs)
             self._prescribed.append(_OnAxes(f"bcs.{number}", dofs, read, dim))
@@ -193,15 +199,15 @@ class Constraints:
             dofs = axis_dofs(domain, space)
             zero = np.zeros_like(dofs, dtype=float).copy
             self._prescribed.append(_OnAxes("", dofs, zero, dim))
-        fixed = [empty, *(item.dofs for item in self._prescribed if item.dofs is not None)]
+        fixed = [empty, *(each.dofs for each in self._prescribed if each.dofs is not None)]
         self.dofs: IndexArray = np.unique(np.concatenate(fixed)).astype(np.int32)
         self._values = fem.Function(space)
-        nodes = np.unique(np.concatenate([empty, *(item.nodes for item in self.oblique)]))
+        nodes = np.unique(np.concatenate([empty, *(condition.nodes for condition in self.oblique)]))
         # Every row of a node is the direction of one support or of one component condition.
         count, axes = len(self.oblique), np.arange(dim)
         self._rows = np.zeros((len(nodes), count + dim, dim))
-        for number, item in enumerate(self.oblique):
-            self._rows[np.searchsorted(nodes, item.nodes), number] = item.directions
+        for number, condition in enumerate(self.oblique):
+            self._rows[np.searchsorted(nodes, condition.nodes), number] = condition.directions
         self._rows[:, count + axes, axes] = self._mask.reshape(-1, dim)[nodes] == 0.0
         agree(domain.comm, lambda: self._refuse_close(nodes))
         projections, self._inverse = pseudo_inverse(self._rows)
@@ -224,7 +230,7 @@ class Constraints:
         return np.asarray(self.space.tabulate_dof_coordinates()[:, : self.domain.dim])
 
     def _combine(self) -> None:
-        """Find the displacements that all conditions prescribe; collective."""
+        """Compute the displacements that all conditions prescribe; collective."""
         values, u = [support.read() for support in self._prescribed], self._values.x.array
         for condition, amounts in zip(self._prescribed, values, strict=True):
             if condition.dofs is not None:
@@ -316,7 +322,7 @@ class Constraints:
         return free
 
     def keep_free(self, forces: PETSc.Vec) -> None:
-        """Leave the :meth:`free_part` of a vector of the matrix; collective."""
+        """Reduce a vector of the matrix to its :meth:`free_part`; collective."""
         # PETSc keeps the norm of a vector until the array is given back.
         with forces as values:
             values[:] = self.free_part(np.asarray(values))
@@ -345,9 +351,9 @@ class Constraints:
     ) -> None:
         """Assemble a bilinear form, positive on the diagonal everywhere; collective.
 
-        ``touching`` are stiffnesses that are added.  Where conditions hold, the diagonal is its
-        least entry at free dofs, in the same units.  With a 1 beside entries of 1e12, multigrid
-        would estimate its largest eigenvalue from the held dofs alone.
+        ``touching`` are stiffnesses to add.  The diagonal at constrained dofs is set to its least
+        entry at free dofs, which has the same unit: with a 1 beside entries of 1e12, multigrid
+        would estimate its largest eigenvalue from the constrained dofs alone.
         """
         form.assemble_matrix(matrix, self.conditions)
         for stiffness in touching:

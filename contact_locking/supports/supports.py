@@ -70,10 +70,10 @@ class PlacedSupport:
         return places, self.directions[np.searchsorted(self.nodes, nodes[places])]
 
 
-def place(
+def placed_supports(
     domain: Domain, space: fem.FunctionSpace, condition: Support | Displacement, clock: Clock
 ) -> Iterator[PlacedSupport]:
-    """The nodes and the directions of a support, or of each component; collective.
+    """The support on the mesh, or one for each prescribed component; collective.
 
     Raises InputError for a boundary part whose normal jumps at a node.
     """
@@ -87,10 +87,8 @@ def place(
                 present = PresentValue(component, key, clock)
                 yield PlacedSupport(condition.on, key, nodes, points, along, present, axis)
         return
-    is_normal, present = (
-        condition.along == "normal",
-        PresentValue(condition.value, f"{condition.key}.value", clock),
-    )
+    present = PresentValue(condition.value, f"{condition.key}.value", clock)
+    is_normal = condition.along == "normal"
     if is_normal:
         along = _nodal_normals(domain, space, condition, facets)[nodes]
     else:
@@ -157,7 +155,7 @@ def _nodal_normals(
             where = domain.where(space.tabulate_dof_coordinates()[nodes[facet, place], :dim])
             raise InputError(
                 f"the boundary has an edge at {where}, where the normal jumps; give each side of "
-                "the edge a name and an entry of its own",
+                "the edge its own name and entry",
                 f"{support.key}.along",
             )
 

@@ -46,18 +46,18 @@ class BoundVectors:
     def __init__(self, system: System) -> None:
         self._comm, self._bounds = system.comm, system.bounds
         self.contacts = system.rubbing
-        self._counts = [int(np.count_nonzero(item.free)) for item in self.contacts]
+        self._counts = [int(np.count_nonzero(contact.free)) for contact in self.contacts]
         sizes = self._comm.allgather(sum(self._counts))
         first = sum(sizes[: self._comm.rank])
         self._own = slice(first, first + sizes[self._comm.rank])
         self.size = sum(sizes)
-        self.weights = self.gather([item.surface.weights for item in self.contacts])
+        self.weights = self.gather([contact.surface.weights for contact in self.contacts])
         self.ones: FloatArray = np.ones(self.size)
 
     def gather(self, values: list[FloatArray]) -> FloatArray:
         """The vector of values at the owned nodes of each contact; collective."""
         pairs = zip(values, self.contacts, strict=True)
-        return self.join([part[contact.free] for part, contact in pairs])
+        return self.join([values[contact.free] for values, contact in pairs])
 
     def join(self, values: list[FloatArray]) -> FloatArray:
         """The vector of values at the nodes of each contact where friction acts; collective."""
@@ -70,9 +70,9 @@ class BoundVectors:
 
     def set_in_force(self, vector: FloatArray) -> None:
         """Let the bounds of a vector be in force; collective."""
-        for contact, part in zip(self.contacts, self.split(vector), strict=True):
+        for contact, values in zip(self.contacts, self.split(vector), strict=True):
             bounds = np.zeros(len(contact.free))
-            bounds[contact.free] = part
+            bounds[contact.free] = values
             self._bounds[contact] = bounds
 
     def in_force(self) -> FloatArray:
@@ -95,14 +95,14 @@ class BoundVectors:
             sign = float(np.linalg.slogdet(matrix)[0])
             if sign != 0.0:
                 solution = np.asarray(np.linalg.solve(matrix, right))
-        found: tuple[FloatArray, float] = self._comm.bcast((solution, sign))
-        return found
+        result: tuple[FloatArray, float] = self._comm.bcast((solution, sign))
+        return result
 
 
 class BoundMap:
     """``G -> Phi(G)``: a Tresca problem for each value, and back-substitutions for the derivative.
 
-    A bound that is negative counts as zero.  ``found`` is the solution of the last value, and
+    A bound that is negative counts as zero.  ``outcome`` is the solution of the last value, and
     ``last`` an iterate near the first, if one is known.  The constructor and all methods are
     collective.
     """
@@ -110,7 +110,7 @@ class BoundMap:
     def __init__(self, task: Task, last: SavedState | None = None) -> None:
         self._task, self.vectors = task, BoundVectors(task.system)
         self._solver = InteriorPoint(task, bound_moves=False)
-        self.found = Outcome(last=last)
+        self.outcome = Outcome(last=last)
         self._inside = np.ones(self.vectors.size, dtype=bool)
 
     def __call__(self, bounds: FloatArray) -> FloatArray:
@@ -122,34 +122,34 @@ class BoundMap:
         system.u.x.array[:] = 0.0
         system.constraints.apply(system.u)
         # Along a branch the solution before is near.
-        self.found = self._solver.solve(self.found.last)
-        wanted = zip(self.vectors.contacts, self._pressures(), strict=True)
-        return self.vectors.gather([item.friction_bound(system.u, p) for item, p in wanted])
+        self.outcome = self._solver.solve(self.outcome.last)
+        pairs = zip(self.vectors.contacts, self._pressures(), strict=True)
+        return self.vectors.gather([contact.friction_bound(system.u, p) for contact, p in pairs])
 
     def pressures(self) -> FloatArray:
         """The contact pressures (m,) at the last value."""
         return self.vectors.gather(self._pressures())
 
     def _pressures(self) -> list[FloatArray]:
-        assert self.found.multipliers is not None
-        pairs = zip(self._task.system.contacts, self.found.multipliers.contacts, strict=True)
-        return [item.pressure for contact, item in pairs if contact in self.vectors.contacts]
+        assert self.outcome.multipliers is not None
+        pairs = zip(self._task.system.contacts, self.outcome.multipliers.contacts, strict=True)
+        return [forces.pressure for contact, forces in pairs if contact in self.vectors.contacts]
 
     def derivative(self) -> FloatArray:
         """``Phi'(G)`` (m, m) at the last value, by a back-substitution for each node."""
         size = self.vectors.size
-        found = np.zeros((size, size))
+        matrix = np.zeros((size, size))
         laws = self._solver.linearised_bounds()
         if not laws:
-            return found
+            return matrix
         for column in np.flatnonzero(self._inside):
             step = np.zeros(size)
             step[column] = 1.0
             pairs = zip(laws, self.vectors.split(step), strict=True)
-            reactions = [Reaction(law.friction, law.friction.response(part)) for law, part in pairs]
+            reactions = [Reaction(law.friction, law.friction.response(step)) for law, step in pairs]
             displacement = self._solver.respond(reactions)
-            found[:, column] = self.vectors.join([law.moved_by(displacement) for law in laws])
-        return found
+            matrix[:, column] = self.vectors.join([law.moved_by(displacement) for law in laws])
+        return matrix
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -209,28 +209,28 @@ class MapNewton:
     tolerance: float
     limit: int = 30
     #: The relative residual of the last iterate.
-    left: float = field(default=math.inf, init=False)
+    residual: float = field(default=math.inf, init=False)
 
     def solve(self, start: FloatArray, deflation: Deflation | None = None) -> FloatArray | None:
         """A solution from a start, or None if none was found; collective."""
         problem, vectors = self.problem, self.problem.vectors
         known = deflation or Deflation(vectors)
         bounds = start
-        found, lowest, vain = self._residual(bounds), math.inf, 0
+        pair, lowest, vain = self._residual(bounds), math.inf, 0
         for _ in range(self.limit):
-            if found is None or not math.isfinite(known.factor(bounds)):
+            if pair is None or not math.isfinite(known.factor(bounds)):
                 return None
-            merit = known.factor(bounds) * vectors.norm(found[1])
+            merit = known.factor(bounds) * vectors.norm(pair[1])
             lowest, vain = min(merit, lowest), 0 if merit < lowest else vain + 1
-            wanted, left = found
-            size = max(vectors.norm(wanted), np.finfo(float).tiny)
-            self.left = vectors.norm(left) / size
-            if self.left <= (_ROUNDING if vain else self.tolerance):
+            image, residual = pair
+            size = max(vectors.norm(image), np.finfo(float).tiny)
+            self.residual = vectors.norm(residual) / size
+            if self.residual <= (_ROUNDING if vain else self.tolerance):
                 return None if known.is_known(bounds) else bounds
             if vain > _VAIN and not known.known:
                 return None
             slope = np.eye(len(bounds)) - problem.derivative()
-            step, _ = vectors.solved(slope, -left)
+            step, _ = vectors.solved(slope, -residual)
             if not np.all(np.isfinite(step)):
                 return None
             step *= known.stretch(bounds, step)
@@ -238,32 +238,32 @@ class MapNewton:
                 # A line search would stay where it begins; a step is no longer than the bounds.
                 step *= min(1.0, known.size / (vectors.norm(step) or 1.0))
                 bounds = np.maximum(bounds + step, 0.0)
-                found = self._residual(bounds)
+                pair = self._residual(bounds)
             else:
-                bounds, found = self._search(bounds, step, left)
+                bounds, pair = self._search(bounds, step, residual)
         return None
 
     def _residual(self, bounds: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """``Phi(G)`` and ``G - Phi(G)``, None where Tresca's problem is not solved."""
         try:
-            wanted = self.problem(bounds)
+            image = self.problem(bounds)
         except NotConverged:
             return None
-        return wanted, bounds - wanted
+        return image, bounds - image
 
     def _search(
-        self, bounds: FloatArray, step: FloatArray, left: FloatArray
+        self, bounds: FloatArray, step: FloatArray, residual: FloatArray
     ) -> tuple[FloatArray, tuple[FloatArray, FloatArray] | None]:
         """The first of shorter and shorter steps that lowers the residual, or the best of them."""
         norm, best, t, at = self.problem.vectors.norm, math.inf, 1.0, 1.0
-        before = norm(left)
+        before = norm(residual)
         for _ in range(_HALVINGS):
             trial = np.maximum(bounds + t * step, 0.0)
-            found = self._residual(trial)
-            if found is not None:
-                merit = norm(found[1])
+            pair = self._residual(trial)
+            if pair is not None:
+                merit = norm(pair[1])
                 if merit <= (1.0 - _DECREASE * t) * before:
-                    return trial, found
+                    return trial, pair
                 if merit < best:
                     best, at = merit, t
             t *= 0.5
@@ -297,27 +297,27 @@ class OverShare:
     """
 
     def __init__(self, problem: BoundMap, put: Callable[[float], None] | None = None) -> None:
-        self.problem, self.vectors, self._put = problem, problem.vectors, put
-        self._bounds = self._wanted = np.zeros(problem.vectors.size)
+        self.problem, self.vectors, self._set_share = problem, problem.vectors, put
+        self._bounds = self._image = np.zeros(problem.vectors.size)
         self._share = 0.0
 
     def __call__(self, bounds: FloatArray, share: float) -> FloatArray:
         """``Psi(G, s)`` (m,); raises NotConverged where Tresca's problem is not solved."""
         self._bounds, self._share = bounds, share
-        self._wanted = self._at(share)
-        return share * self._wanted if self._put is None else self._wanted
+        self._image = self._at(share)
+        return share * self._image if self._set_share is None else self._image
 
     def slopes(self) -> tuple[FloatArray, FloatArray]:
         """The derivatives of Psi by G (m, m) and by s (m,) at the last value; collective."""
         by_bounds = self.problem.derivative()
-        if self._put is None:
-            return self._share * by_bounds, self._wanted
+        if self._set_share is None:
+            return self._share * by_bounds, self._image
         beside = self._at(self._share + _WIDTH)
-        return by_bounds, np.asarray((beside - self._wanted) / _WIDTH)
+        return by_bounds, np.asarray((beside - self._image) / _WIDTH)
 
     def _at(self, share: float) -> FloatArray:
-        if self._put is not None:
-            self._put(share)
+        if self._set_share is not None:
+            self._set_share(share)
         return self.problem(self._bounds)
 
 
@@ -331,8 +331,8 @@ class BranchPoint:
 
     def between(self, other: BranchPoint, share: float) -> FloatArray:
         """The bounds for a share on the line from this point to another one."""
-        part = (share - self.share) / (other.share - self.share)
-        return np.asarray(self.bounds + part * (other.bounds - self.bounds))
+        weight = (share - self.share) / (other.share - self.share)
+        return np.asarray(self.bounds + weight * (other.bounds - self.bounds))
 
 
 class Branch:
@@ -374,8 +374,8 @@ class Branch:
         at, length = np.append(bounds, share), _FIRST
         yield BranchPoint(bounds, share, sign)
         while True:
-            found, is_at_kink = self._correct(at, length, tangent), False
-            while found is None:
+            corrected, is_at_kink = self._correct(at, length, tangent), False
+            while corrected is None:
                 length *= _SHORTER
                 if length < _SHORTEST:
                     beyond = None if is_at_kink else self._beyond(at, tangent)
@@ -384,10 +384,10 @@ class Branch:
                     if self._locates_folds and beyond[-1] * tangent[-1] < 0.0:
                         yield BranchPoint(at[:-1], float(at[-1]), 0.0)
                     tangent, length, is_at_kink = beyond, _FIRST, True
-                found = self._correct(at, length, tangent)
-            if self._locates_folds and found[1][-1] * tangent[-1] < 0.0:
+                corrected = self._correct(at, length, tangent)
+            if self._locates_folds and corrected[1][-1] * tangent[-1] < 0.0:
                 yield self._fold(at, length, tangent)
-            at, tangent, sign, count = found
+            at, tangent, sign, count = corrected
             self.reach = self._vectors.norm(at[:size]) / self._size
             if at[-1] < 0.0:
                 return
@@ -401,11 +401,11 @@ class Branch:
         low, high, place = 0.0, length, before
         for _ in range(_BISECTIONS):
             middle = 0.5 * (low + high)
-            found = self._correct(before, middle, tangent)
-            if found is None:
+            corrected = self._correct(before, middle, tangent)
+            if corrected is None:
                 break
-            if found[1][-1] * tangent[-1] > 0.0:
-                low, place = middle, found[0]
+            if corrected[1][-1] * tangent[-1] > 0.0:
+                low, place = middle, corrected[0]
             else:
                 high = middle
         return BranchPoint(place[:-1], float(place[-1]), 0.0)
@@ -447,18 +447,18 @@ class Branch:
         row = self._covector(tangent)
         for count in range(_MOST):
             try:
-                wanted = self._path(at[:-1], float(at[-1]))
+                image = self._path(at[:-1], float(at[-1]))
                 by_bounds, by_share = self._path.slopes()
             except NotConverged:
                 return None
-            left = np.append(at[:-1] - wanted, row @ (at - start))
+            residual = np.append(at[:-1] - image, row @ (at - start))
             ahead, matrix = self._tangent(by_bounds, by_share, tangent)
-            if vectors.norm(left[:-1]) <= _ACCURACY * self._size:
+            if vectors.norm(residual[:-1]) <= _ACCURACY * self._size:
                 if ahead is None or self._length(at - start) > self._aside * length:
                     return None
                 sign = vectors.solved(matrix[:-1, :-1], by_share)[1]
                 return at, ahead, sign, count
-            step = vectors.solved(matrix, left)[0]
+            step = vectors.solved(matrix, residual)[0]
             if not np.all(np.isfinite(step)):
                 return None
             at = at - step

@@ -80,15 +80,15 @@ def proved_bounds(state: SolvedState, lifting: Lifting) -> dict[str, dict[str, A
         proved = _held_bounds(state, lifting.admissible)
     except NotApplicable as failure:
         return {name: _open(value, str(failure)) for name, value in values.items()}
-    found, rounding = {}, _rounding(state)
+    entries, rounding = {}, _rounding(state)
     for name, value in values.items():
         bound = proved[name]
         if np.isfinite(bound):
             holds = bool(value <= bound * (1.0 + _SLACK) + rounding[name])
-            found[name] = {"value": value, "bound": bound, "holds": holds}
+            entries[name] = {"value": value, "bound": bound, "holds": holds}
         else:
-            found[name] = _open(value, "no admissible strain below the locking limit was found")
-    return found
+            entries[name] = _open(value, "no admissible strain below the locking limit was found")
+    return entries
 
 
 def _named(displacement: float, penalty: float, work: float) -> dict[str, float]:
@@ -108,8 +108,8 @@ def _rounding(state: SolvedState) -> dict[str, float]:
     moved = state.largest_displacement
     for fields in state.contacts:
         moved = max(moved, min(maximum(state.comm, np.abs(fields.gap)), length))
-    for item in points.sets:
-        limited = item.limit[np.isfinite(item.limit)]
+    for strains in points.sets:
+        limited = strains.limit[np.isfinite(strains.limit)]
         moved = max(moved, length * maximum(state.comm, np.minimum(limited, 1.0)))
     strain = ROUNDING * moved / length
     if state.contacts and epsilon > 0.0:
@@ -130,7 +130,7 @@ def _measured(state: SolvedState) -> dict[str, float]:
     if np.isfinite(penalty.n):
 
         def compile_excess() -> fem.Form:
-            excess = sum(item.energy(data.strain(u), 1.0) for item in data.sets)
+            excess = sum(law.energy(data.strain(u), 1.0) for law in data.sets)
             return compiled.form(excess * data.locking_dx)
 
         excess = fem.assemble_scalar(state.system.kept("excess", compile_excess))
@@ -141,7 +141,7 @@ def _measured(state: SolvedState) -> dict[str, float]:
         square = sum(float(fields.surface.integral(depth**2)) for fields, depth in pairs)
         values["contact_penalty"] = square / penalty.epsilon
     values["locking_work"] = sum(
-        state.sum(state.points.weights * item.support) for item in state.points.sets
+        state.sum(state.points.weights * strains.support) for strains in state.points.sets
     )
     return values
 

@@ -55,7 +55,7 @@ SAMPLED = "covered for the discrete problem, by sampled constants"
 UNKNOWN = "not known"
 
 
-def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
+def kappa(state: SolvedState, is_asked: bool) -> tuple[float, float]:
     """The constants c and rho of all contacts together, by two eigenvalue problems; collective.
 
     Both come from below, to the accuracy of the eigenvalue solver.  Raises NotApplicable with the
@@ -64,17 +64,17 @@ def kappa(state: SolvedState, wanted: bool) -> tuple[float, float]:
     require_coulomb(state)
     problem = state.problem
     if problem.data.own_energy is not None:
-        raise NotApplicable("the body has your own energy")
+        raise NotApplicable("the body has a user-defined energy")
     if problem.data.is_paired:
         raise NotApplicable("two bodies touch")
     require_held(state)
-    rubbing = [item for item in problem.contacts if not item.friction.frictionless]
+    rubbing = [contact for contact in problem.contacts if not contact.friction.frictionless]
     if not rubbing:
         raise NotApplicable("there is no friction")
-    if any(item.friction.depends_on_slip for item in rubbing):
+    if any(contact.friction.depends_on_slip for contact in rubbing):
         raise NotApplicable("the friction coefficient depends on the slip")
     constraints = _constraints_of_lifts(state, rubbing)
-    if not wanted:
+    if not is_asked:
         raise NotApplicable("certificate.constants is false")
     slips = []
     for contact in rubbing:
@@ -92,7 +92,7 @@ def require_coulomb(state: SolvedState) -> None:
             "forces decide where a foundation is, and the slip is relative to its unknown travel"
         )
     if not all(bound.is_coulomb for bound in bounds):
-        raise NotApplicable("the friction bound is the user's own")
+        raise NotApplicable("the friction bound is user-defined")
 
 
 def _constraints_of_lifts(state: SolvedState, rubbing: list[NodalContact]) -> Constraints:
@@ -100,11 +100,11 @@ def _constraints_of_lifts(state: SolvedState, rubbing: list[NodalContact]) -> Co
 
     Raises NotApplicable where a w_g is no displacement of the mesh.
     """
-    given, space = state.problem.constraints, state.problem.u.function_space
+    constraints, space = state.problem.constraints, state.problem.u.function_space
     contacts, points = state.problem.contacts, state.points
-    free = [np.repeat(item.free[:, None].astype(float), state.dim, axis=1) for item in contacts]
-    acting = on_contacts(space, [item.surface for item in contacts], free).x.array
-    limits = [points.by_cell(np.isfinite(item.limit)).any(axis=1) for item in points.sets]
+    free = [np.repeat(each.free[:, None].astype(float), state.dim, axis=1) for each in contacts]
+    acting = on_contacts(space, [each.surface for each in contacts], free).x.array
+    limits = [points.by_cell(np.isfinite(each.limit)).any(axis=1) for each in points.sets]
     cells = np.flatnonzero(np.any(limits, axis=0))
     can_lock = marked(space.dofmap.index_map, space.dofmap.list[cells])
     locks = np.repeat(can_lock.astype(float), state.dim)
@@ -114,7 +114,7 @@ def _constraints_of_lifts(state: SolvedState, rubbing: list[NodalContact]) -> Co
         raise NotApplicable("the body can lock next to Gamma_C")
     for contact in rubbing:
         normals = contact.surface.vector_function(contact.normals * contact.free[:, None])
-        held = normals.x.array - given.free_part(normals.x.array)
+        held = normals.x.array - constraints.free_part(normals.x.array)
         if on_any_rank(state.comm, np.abs(held) > _OBLIQUE):
             raise NotApplicable("a displacement condition holds an oblique direction")
     return with_contacts_fixed(state, locks)
@@ -127,16 +127,16 @@ def _lift_constant(
     space, surfaces = state.problem.u.function_space, [contact.surface for contact in rubbing]
     lift = fem.Function(space)
     form = JointForm(ufl.action(state.system.bilinear, lift))
-    coefficients = [item.friction.coefficient(np.zeros(len(item.free))) for item in rubbing]
+    coefficients = [each.friction.coefficient(np.zeros(len(each.free))) for each in rubbing]
     roots = [np.sqrt(contact.surface.weights[contact.free]) for contact in rubbing]
-    root, ends = np.concatenate(roots), np.cumsum([len(part) for part in roots])[:-1]
+    root, ends = np.concatenate(roots), np.cumsum([len(values) for values in roots])[:-1]
 
     def pushed(parts: list[FloatArray]) -> fem.Function:
         """``R* (mu g) nu`` on Gamma_C for g at the nodes where friction acts."""
         values = []
-        for contact, mu, part in zip(rubbing, coefficients, parts, strict=True):
+        for contact, mu, pushes in zip(rubbing, coefficients, parts, strict=True):
             g = np.zeros(len(mu))
-            g[contact.free] = part
+            g[contact.free] = pushes
             along = contact.rubbing(contact.friction.smoothing.adjoint(mu * g))
             values.append(along[:, None] * contact.normals)
         field = on_contacts(space, surfaces, values)
@@ -147,14 +147,14 @@ def _lift_constant(
         """``mu R s`` where friction acts, with the normal stresses s of w_g."""
         forces = la.vector(space.dofmap.index_map, space.dofmap.index_map_bs)
         form.assemble_vector(forces)
-        nodal, found = forces.array.reshape(-1, state.dim), []
+        nodal, stresses = forces.array.reshape(-1, state.dim), []
         for contact, mu in zip(rubbing, coefficients, strict=True):
             surface = contact.surface
             limited = surface.controls.forces(nodal[surface.blocks])
             normal = np.sum(limited * contact.normals, axis=1)
             stress = contact.acting(normal / surface.weights)
-            found.append((mu * contact.friction.smoothing.apply(stress))[contact.free])
-        return found
+            stresses.append((mu * contact.friction.smoothing.apply(stress))[contact.free])
+        return stresses
 
     with closing(EllipticProblem(state, state.system.bilinear, constraints)) as problem:
 
@@ -166,24 +166,24 @@ def _lift_constant(
         return math.sqrt(largest_eigenvalue(state.comm, len(root), apply))
 
 
-def constants(state: SolvedState, wanted: bool) -> dict[str, Any]:
+def constants(state: SolvedState, is_asked: bool) -> dict[str, Any]:
     """``alpha``, ``c_0``, ``mu*``, ``L_mu``, ``|R|`` and the verdict on uniqueness; collective.
 
-    c_0 takes an eigenproblem, as long as one or two elastic solves, and is None unless ``wanted``.
+    c_0 takes an eigenproblem, as long as one or two elastic solves; None unless ``is_asked``.
     """
-    found: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
+    numbers: dict[str, Any] = {"alpha": state.problem.material.ellipticity}
     bounds = [contact.friction for contact in state.problem.contacts]
     if bounds:
         try:
-            found["c_0"] = _trace_constant(state, wanted)
+            numbers["c_0"] = _trace_constant(state, is_asked)
         except NotApplicable as failure:
-            found |= {"c_0": None, "c_0_reason": str(failure)}
-        found |= _coefficient_range(state)
-        found["smoothing_norm"] = max(bound.smoothing.norm() for bound in bounds)
+            numbers |= {"c_0": None, "c_0_reason": str(failure)}
+        numbers |= _coefficient_range(state)
+        numbers["smoothing_norm"] = max(bound.smoothing.norm() for bound in bounds)
     if all(bound.frictionless for bound in bounds):
-        return found | {"uniqueness": without_friction(state)}
-    report = _uniqueness(state, found, wanted) | {"contraction": state.report.contraction}
-    return found | {"uniqueness": report}
+        return numbers | {"uniqueness": without_friction(state)}
+    report = _uniqueness(state, numbers, is_asked) | {"contraction": state.report.contraction}
+    return numbers | {"uniqueness": report}
 
 
 def _coefficient_range(state: SolvedState) -> dict[str, Any]:
@@ -192,7 +192,7 @@ def _coefficient_range(state: SolvedState) -> dict[str, Any]:
     The samples are at the nodes of Gamma_C, as in the discrete problem, and at slips up to the
     extent of the body.  Samples prove nothing, except for a mu that does not depend on s.
     """
-    found, comm, all_exact = [], state.comm, True
+    ranges, comm, all_exact = [], state.comm, True
     for contact in state.problem.contacts:
         law = contact.friction.law
         most, lipschitz = law.largest, law.lipschitz
@@ -205,8 +205,8 @@ def _coefficient_range(state: SolvedState) -> dict[str, Any]:
             steps = np.abs(np.diff(values, axis=0)) / np.diff(slips)[:, None]
             most = maximum(comm, values) if most is None else most
             lipschitz = maximum(comm, steps) if lipschitz is None else lipschitz
-        found.append((most, lipschitz))
-    largest, steepest = np.max(found, axis=0)
+        ranges.append((most, lipschitz))
+    largest, steepest = np.max(ranges, axis=0)
     return {
         "friction_coefficient": float(largest),
         "friction_lipschitz": float(steepest),
@@ -214,7 +214,7 @@ def _coefficient_range(state: SolvedState) -> dict[str, Any]:
     }
 
 
-def _trace_constant(state: SolvedState, wanted: bool) -> float:
+def _trace_constant(state: SolvedState, is_asked: bool) -> float:
     """``c_0 = max |v|_{L2(Gamma_C)}/|v|_V`` over the discrete fields (11); collective.
 
     ``c_0^2`` is the largest eigenvalue of ``int v . w = lambda (v, w)_V``.  The integral over
@@ -226,14 +226,14 @@ def _trace_constant(state: SolvedState, wanted: bool) -> float:
     require_held(state)
     if state.problem.data.is_paired:
         raise NotApplicable("two bodies touch, and c_0 is for traces of one body")
-    if not wanted:
+    if not is_asked:
         raise NotApplicable("skipped: certificate.constants is false")
     surfaces = [contact.surface for contact in state.problem.contacts]
-    wholes = [np.tile(np.eye(state.dim), (len(item.nodes), 1, 1)) for item in surfaces]
+    wholes = [np.tile(np.eye(state.dim), (len(surface.nodes), 1, 1)) for surface in surfaces]
     return trace_norm(state, inner_product(state), list(zip(surfaces, wholes, strict=True)))
 
 
-def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict[str, Any]:
+def _uniqueness(state: SolvedState, numbers: dict[str, Any], is_asked: bool) -> dict[str, Any]:
     """Whether another solution is excluded, by kappa or, for eps > 0, by the condition below.
 
         mu* |R| c_0 < 2 sqrt(eps (alpha - L_mu |R sigma_nu|_inf c_0^2)),
@@ -241,7 +241,7 @@ def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict
     the condition of Theorem 4.2 with an explicit constant (docs/notes/bounds.md).  The norms on
     Gamma_C use the nodal weights, c_0 is the constant of the discrete fields, approached from
     below, and mu* and L_mu may be sampled.  The verdict is therefore about the discrete problem,
-    and as certain as these numbers, which ``found`` has.
+    and as certain as these numbers, which ``numbers`` has.
     """
     report: dict[str, Any] = {"verdict": UNKNOWN, "kappa": None}
     try:
@@ -250,7 +250,7 @@ def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict
         return report | {"why": str(failure)}
     is_small = False
     try:
-        c, rho = kappa(state, wanted)
+        c, rho = kappa(state, is_asked)
         report |= {"kappa": c * rho, "c": c, "rho": rho}
         is_small = c * rho < 1.0 - _MARGIN
         isnt = "" if is_small else "not "
@@ -260,19 +260,19 @@ def _uniqueness(state: SolvedState, found: dict[str, Any], wanted: bool) -> dict
     why = "; ".join([why, *constant_supports(state)])
     if is_small:
         return report | {"verdict": BY_KAPPA, "why": why}
-    trace = found["c_0"]
+    trace = numbers["c_0"]
     if state.target.penalty.epsilon == 0.0:
         return report | {"why": why}
     if trace is None:
-        return report | {"why": f"{why}; c_0 is not known ({found['c_0_reason']})"}
+        return report | {"why": f"{why}; c_0 is not known ({numbers['c_0_reason']})"}
     stress = max(maximum(state.comm, np.abs(fields.smoothed_stress)) for fields in state.contacts)
-    left = found["friction_coefficient"] * found["smoothing_norm"] * trace
-    slack = found["alpha"] - found["friction_lipschitz"] * stress * trace**2
+    product = numbers["friction_coefficient"] * numbers["smoothing_norm"] * trace
+    slack = numbers["alpha"] - numbers["friction_lipschitz"] * stress * trace**2
     right = 2.0 * float(np.sqrt(state.target.penalty.epsilon * max(slack, 0.0)))
-    covered = left < right
-    sampled = "" if found["friction_constants"] == "exact" else ", mu* and L_mu sampled"
+    covered = product < right
+    sampled = "" if numbers["friction_constants"] == "exact" else ", mu* and L_mu sampled"
     why += (
-        f"; mu* |R| c_0 = {left:.3g} is {'' if covered else 'not '}below "
+        f"; mu* |R| c_0 = {product:.3g} is {'' if covered else 'not '}below "
         f"2 sqrt(eps (alpha - L_mu |R sigma_nu| c_0^2)) = {right:.3g} "
         f"(c_0 of the fields on this mesh, from below{sampled})"
     )
@@ -288,8 +288,8 @@ def is_unique(summary: Mapping[str, Any]) -> bool:
 
 def constant_supports(state: SolvedState) -> tuple[Finding, ...]:
     """The finding of kernels that keep constants at supports: rho is unbounded; collective."""
-    found = [contact.constant_support() for contact in state.problem.contacts]
-    place = next((words for words in found if words is not None), None)
+    places = [contact.constant_support() for contact in state.problem.contacts]
+    place = next((words for words in places if words is not None), None)
     return () if place is None else (Finding("kappa.constants", place=place),)
 
 

@@ -61,13 +61,13 @@ def guaranteed_error(state: SolvedState, lifting: Lifting) -> dict[str, Any]:
     ``penalty_error``.
     """
     try:
-        found = _bound(state, lifting)
+        bound = _bound(state, lifting)
     except NotApplicable as failure:
         none = dict.fromkeys(("relative", "energy_norm"))
         return {**none, "applicable": False, "reason": f"not applicable: {failure}"}
     return {
-        "relative": state.relative(found),
-        "energy_norm": found,
+        "relative": state.relative(bound),
+        "energy_norm": bound,
         "applicable": True,
         "reason": _PROVED,
     }
@@ -105,13 +105,13 @@ def _sharpened(state: SolvedState, gap: Gap, square: float) -> float:
     """
 
     def value(t: float) -> float:
-        rest = 1.0 - t
-        bottom = t * gap.stiffened - rest * gap.elastic
+        remainder = 1.0 - t
+        bottom = t * gap.stiffened - remainder * gap.elastic
         local = np.sum(gap.apart * gap.elastic * gap.stiffened / bottom)
-        return 2.0 * t * square + t * rest * float(state.comm.allreduce(float(local)))
+        return 2.0 * t * square + t * remainder * float(state.comm.allreduce(float(local)))
 
-    found = minimize_scalar(value, bounds=(0.5, 1.0), method="bounded", options={"xatol": 1e-3})
-    return min(float(found.fun), 2.0 * square)
+    minimum = minimize_scalar(value, bounds=(0.5, 1.0), method="bounded", options={"xatol": 1e-3})
+    return min(float(minimum.fun), 2.0 * square)
 
 
 def _require_applicable(state: SolvedState) -> None:
@@ -121,7 +121,7 @@ def _require_applicable(state: SolvedState) -> None:
         raise NotApplicable("the solve did not converge")
     require_still_foundations(state)
     if problem.data.own_energy is not None:
-        raise NotApplicable("no proof covers the user's own energy")
+        raise NotApplicable("no proof covers a user-defined energy")
     if problem.data.eigenstrain is not None:
         raise NotApplicable("no proof covers an eigenstrain")
     if problem.data.springs:
@@ -188,7 +188,7 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
             raise NotApplicable("for linear elements")
         triangles = Triangles(state.problem.domain)
         contacts = [contact_tractions(fields, triangles) for fields in state.contacts]
-        contacts = [replace(item, along=np.zeros_like(item.along)) for item in contacts]
+        contacts = [replace(contact, along=np.zeros_like(contact.along)) for contact in contacts]
         require_exact_gaps(state, triangles, contacts)
         excluded = _excluded(state, triangles, contacts)
     except NotApplicable as failure:
@@ -200,8 +200,8 @@ def limit_load(state: SolvedState) -> dict[str, Any] | None:
     elif state.report.admissible_factor is not None:
         confirmed = state.report.admissible_factor[0]
     nodal = confirmed * state.problem.u.x.array.reshape(-1, 2)
-    depth = [(item.split(nodal)[0] - item.gap)[item.fixed] for item in contacts]
-    deepest = max((item.max(initial=0.0) for item in depth), default=0.0)
+    depths = [(contact.split(nodal)[0] - contact.gap)[contact.fixed] for contact in contacts]
+    deepest = max((depth.max(initial=0.0) for depth in depths), default=0.0)
     allowed = _TOLERANCE * state.mean_strain * state.target.length
     if maximum(state.comm, deepest) > allowed:
         confirmed = 0.0

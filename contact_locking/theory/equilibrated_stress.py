@@ -77,13 +77,13 @@ class HybridSystem:
         self._tractions = tractions.reshape(n, 3 * self._block, len(element.basis))
         self._held = flattened(held)
         # s = F r F^T has the divergence F div r.
-        wanted = flattened(np.einsum("nij,ntlj->ntli", np.linalg.inv(maps), -forces.body))
-        lifted = wanted @ element.lifts.reshape(wanted.shape[1], -1)
+        divergence = flattened(np.einsum("nij,ntlj->ntli", np.linalg.inv(maps), -forces.body))
+        lifted = divergence @ element.lifts.reshape(divergence.shape[1], -1)
         self._lifted = triangles.moved(lifted.reshape(n, *element.basis.shape[1:]))
-        lifted = wanted @ element.lift_moments.reshape(wanted.shape[1], -1)
+        lifted = divergence @ element.lift_moments.reshape(divergence.shape[1], -1)
         lifted = np.einsum("nij,nfkj->nfki", maps, lifted.reshape(n, *element.moments.shape[1:]))
         self._of_lift = flattened(lifted * factors[..., None])
-        self._wanted = flattened(forces.moments)
+        self._moments = flattened(forces.moments)
         facets = triangles.facets[:, :, None].astype(np.int64) * self._block
         self._places = (facets + np.arange(self._block)).reshape(-1)
 
@@ -98,16 +98,16 @@ class HybridSystem:
         element, triangles = self._element, self._triangles
         areas, count = triangles.areas / 3.0, len(element.basis)
         pull = element.mass @ strains
-        for share, part in zip(element.quarters, np.moveaxis(compliance, 2, 0), strict=True):
-            pull -= share @ self._lifted @ part
+        for share, block in zip(element.quarters, np.moveaxis(compliance, 2, 0), strict=True):
+            pull -= share @ self._lifted @ block
         pull = (flattened(pull, kept=1) @ triangles.transforms) * areas[:, None, None]
         forces = flattened(pull) @ element.basis.reshape(count, -1).T
         right = np.concatenate([forces[:, :, None], np.swapaxes(self._tractions, 1, 2)], axis=2)
         solved = np.linalg.solve(self._stiffness(compliance), right)
         local = self._tractions @ solved
-        given = self._wanted - self._of_lift - local[:, :, 0]
-        given[self._held] = 0.0
-        multipliers = self._multipliers(local[:, :, 1:], given)
+        jumps = self._moments - self._of_lift - local[:, :, 0]
+        jumps[self._held] = 0.0
+        multipliers = self._multipliers(local[:, :, 1:], jumps)
         coefficients = solved[:, :, 0] + np.einsum("ncb,nb->nc", solved[:, :, 1:], multipliers)
         moments = self._of_lift + np.einsum("nbc,nc->nb", self._tractions, coefficients)
         stress = (coefficients @ element.basis.reshape(count, -1)).reshape(strains.shape)
@@ -128,7 +128,7 @@ class HybridSystem:
         size, ghosts = (facets.size_local * self._block, None), facets.ghosts
         return PETSc.Vec().createGhost(ghosts.astype(PETSc.IntType), size, self._block, comm)
 
-    def _multipliers(self, blocks: FloatArray, given: FloatArray) -> FloatArray:
+    def _multipliers(self, blocks: FloatArray, right: FloatArray) -> FloatArray:
         """The multipliers (n, 3 b) of the triangles, for right-hand sides (n, 3 b); collective."""
         b, x = self._vector(), self._vector()
         matrix = self._matrix(b, blocks)
@@ -137,18 +137,18 @@ class HybridSystem:
         ksp = create_ksp(comm, options | {"ksp_rtol": _RTOL}, prefix=_PREFIX)
         try:
             ksp.setOperators(matrix)
-            self._sum(b, given)
+            self._sum(b, right)
             ksp.solve(b, x)
             x.ghostUpdate(PETSc.InsertMode.INSERT, PETSc.ScatterMode.FORWARD)
             with x.localForm() as local:
-                return np.asarray(local.array_r[self._places].reshape(given.shape))
+                return np.asarray(local.array_r[self._places].reshape(right.shape))
         except PETSc.Error as error:
             raise_callback_error(error)
             raise NotApplicable("the linear solve for the stress failed") from error
         finally:
             destroy_ksp(ksp)
-            for item in (b, x, matrix):
-                item.destroy()
+            for petsc_object in (b, x, matrix):
+                petsc_object.destroy()
 
     def _matrix(self, vector: PETSc.Vec, blocks: FloatArray) -> PETSc.Mat:
         """The matrix from its blocks (n, 3 b, 3 b); collective."""
@@ -176,7 +176,7 @@ class HybridSystem:
     def _jump(self, moments: FloatArray) -> float:
         """What is left of the balance of the moments, over the largest moment; collective."""
         sums = self._vector()
-        self._sum(sums, np.where(self._held, 0.0, moments - self._wanted))
+        self._sum(sums, np.where(self._held, 0.0, moments - self._moments))
         jump = float(sums.norm(PETSc.NormType.INFINITY))
         sums.destroy()
         largest = maximum(self._triangles.domain.comm, np.abs(moments))
@@ -208,7 +208,7 @@ def best_stiffening(squares: FloatArray, eigenvalues: FloatArray, limit: FloatAr
     integrals L of M^2.  zeta is 0 where L is infinite.
     """
     zeta = np.zeros(squares.shape[:-1])
-    wanted = 1.0 / np.sqrt(limit)
+    aim = 1.0 / np.sqrt(limit)
     for _ in range(_STEPS):
         shifted = eigenvalues + zeta[..., None]
         first = np.sum(squares / shifted**2, axis=-1)
@@ -217,7 +217,7 @@ def best_stiffening(squares: FloatArray, eigenvalues: FloatArray, limit: FloatAr
         root = np.sqrt(np.maximum(first, 1e-300))
         slope = second / np.maximum(first * root, 1e-300)
         step = np.where(
-            (wanted > 0.0) & (second > 0.0), (wanted - 1.0 / root) / np.maximum(slope, 1e-300), 0.0
+            (aim > 0.0) & (second > 0.0), (aim - 1.0 / root) / np.maximum(slope, 1e-300), 0.0
         )
         new = np.maximum(zeta + step, 0.0)
         if np.all(np.abs(new - zeta) <= 1e-14 * (np.abs(new) + eigenvalues[..., 0])):
@@ -317,8 +317,8 @@ class Body:
         slopes = lagrange_gradients(self.element.degree, points.reshape(-1, 2))
         slopes = slopes @ np.linalg.inv(triangles.maps)[:, None]
         gradient = np.swapaxes(triangles.at_nodes(u), 1, 2)[:, None] @ slopes
-        found = gradient.reshape(*gradient.shape[:2], 4) @ TENSORS.reshape(3, 4).T
-        return np.asarray(found.reshape(len(found), *points.shape[:2], 3))
+        strains = gradient.reshape(*gradient.shape[:2], 4) @ TENSORS.reshape(3, 4).T
+        return np.asarray(strains.reshape(len(strains), *points.shape[:2], 3))
 
     def excess(self, w: fem.Function) -> float:
         """``max |eps(w)|/M - 1`` over the body, at least 0; collective."""
@@ -340,8 +340,8 @@ class Body:
 
         def modes_of(tensors: FloatArray) -> FloatArray:
             """Components (n, 3, 1, m, 3) of Mandel vectors (n, 3, m, 3) along the eigenvectors."""
-            found = flattened(tensors, kept=1) @ self._vectors
-            return np.asarray(found.reshape(tensors.shape))[:, :, None]
+            coefficients = flattened(tensors, kept=1) @ self._vectors
+            return np.asarray(coefficients.reshape(tensors.shape))[:, :, None]
 
         eps, modes = modes_of(self.strains(w)), modes_of(stress)
         size = np.sum(squares(eps), axis=3)

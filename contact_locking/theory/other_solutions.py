@@ -32,8 +32,8 @@ from contact_locking.results.contact_points import OPEN
 
 UNIQUE = "covered by theory"
 OTHERS = "not unique"
-IF_CONVEX = "covered by theory if your own energy is convex"
-OWN_ENERGY = "not known: it depends on your own energy"
+IF_CONVEX = "covered by theory if the user-defined energy is convex"
+OWN_ENERGY = "not known: it depends on the user-defined energy"
 NOT_SOLVED = "not known: the solve did not converge"
 TOO_CLOSE = "not known: pressures within the accuracy of the solver decide"
 
@@ -53,19 +53,19 @@ def without_friction(state: SolvedState) -> dict[str, Any]:
     """The verdict on uniqueness of the displacement on this mesh, and why; collective."""
     if not state.report.converged:
         return {"verdict": NOT_SOLVED, "why": "there is no solution to judge"}
-    own, motions = state.problem.data.own_energy is not None, _FreeMotions(state)
+    has_energy, motions = state.problem.data.own_energy is not None, _FreeMotions(state)
     # A motion is excluded by pressures that are certain, and found in spite of all pressures.
     possible = motions.play(_PRESSED)
     if possible is None:
         why = "there is no friction, and no rigid motion is free: u is unique on this mesh"
         if state.target.penalty.is_inequality:
             why += "; the locking stress and the pressure need not be"
-        return {"verdict": IF_CONVEX if own else UNIQUE, "why": why}
-    found = motions.play(0.0)
-    if own or found is None:
+        return {"verdict": IF_CONVEX if has_energy else UNIQUE, "why": why}
+    motion = motions.play(0.0)
+    if has_energy or motion is None:
         why = f"perhaps a rigid motion is free: {possible}"
-        return {"verdict": OWN_ENERGY if own else TOO_CLOSE, "why": why}
-    return {"verdict": OTHERS, "why": f"a rigid motion is free: {found}"}
+        return {"verdict": OWN_ENERGY if has_energy else TOO_CLOSE, "why": why}
+    return {"verdict": OTHERS, "why": f"a rigid motion is free: {motion}"}
 
 
 class _FreeMotions:
@@ -88,12 +88,12 @@ class _FreeMotions:
         count = self._coefficients.shape[1]
         rows, room, pressure = [np.zeros((0, count))], [np.zeros(0)], [np.zeros(0)]
         everywhere = np.ones(fields.shape[1], dtype=bool)
-        for found in state.contacts if count else ():
-            at_nodes = MotionsAtContact(found.contact, fields, everywhere, self._tools)
-            pressed = np.where(found.state == OPEN, 0.0, found.pressure)
-            rows += comm.allgather(at_nodes.normals[found.free])
-            room += comm.allgather((found.gap - found.u_normal)[found.free])
-            pressure += comm.allgather(pressed[found.free])
+        for of_contact in state.contacts if count else ():
+            at_nodes = MotionsAtContact(of_contact.contact, fields, everywhere, self._tools)
+            pressed = np.where(of_contact.state == OPEN, 0.0, of_contact.pressure)
+            rows += comm.allgather(at_nodes.normals[of_contact.free])
+            room += comm.allgather((of_contact.gap - of_contact.u_normal)[of_contact.free])
+            pressure += comm.allgather(pressed[of_contact.free])
         self._rows, self._pressure = np.concatenate(rows), np.concatenate(pressure)
         self._room = np.maximum(np.concatenate(room), 0.0)
         self._work = self._of_loads(state, fields)
@@ -151,7 +151,7 @@ class _FreeMotions:
         room = np.minimum(self._room / self._length, _FAR)
         best, most = None, _LEAST
         for aim in np.vstack([np.eye(len(scale)), -np.eye(len(scale))]):
-            found = linprog(-aim, A_ub=rows * scale, b_ub=room, bounds=(-1, 1))
-            if found.status == 0 and -found.fun > most:
-                best, most = allowed @ (scale * found.x), -found.fun
+            result = linprog(-aim, A_ub=rows * scale, b_ub=room, bounds=(-1, 1))
+            if result.status == 0 and -result.fun > most:
+                best, most = allowed @ (scale * result.x), -result.fun
         return best

@@ -51,10 +51,10 @@ _BESIDE, _SHARES, _SHARES_OF_STRESS = (1.02, 0.5, 1.5, 0.1), (0.0, 1.0, 2.0), (1
 def has_map(task: Task) -> bool:
     """Whether the map of friction bounds has values everywhere, and a derivative; collective."""
     system, rubbing = task.system, task.system.rubbing
-    knows = all(item.friction.is_coulomb for item in rubbing)
+    knows = all(contact.friction.is_coulomb for contact in rubbing)
     if not (rubbing and knows) or system.held_by_friction:
         return False
-    nodes = system.comm.allreduce(sum(int(np.count_nonzero(item.free)) for item in rubbing))
+    nodes = system.comm.allreduce(sum(int(np.count_nonzero(contact.free)) for contact in rubbing))
     return bool(0 < nodes <= _MOST_NODES)
 
 
@@ -111,13 +111,13 @@ class Equilibria:
         """
         starts = (before.between(point, 1.0), point.bounds, before.bounds)
         tries = (self._solve(start) for start in starts)
-        return next((found for found in tries if found is not None), None)
+        return next((bounds for bounds in tries if bounds is not None), None)
 
     def _solve(self, start: FloatArray, deflation: Deflation | None = None) -> FloatArray | None:
         """The bounds of a solution from a start, None if none was found; collective."""
-        found = self._newton.solve(start, deflation)
-        if found is None or self._newton.left <= self._newton.tolerance:
-            return found
+        bounds = self._newton.solve(start, deflation)
+        if bounds is None or self._newton.residual <= self._newton.tolerance:
+            return bounds
         with contextlib.suppress(NotConverged):
             self._settle()
             settled = self.map.vectors.in_force()
@@ -125,7 +125,7 @@ class Equilibria:
         return None
 
     def _settle(self) -> Outcome:
-        return settled_from(self._task.aside(self.counts), self.map.found)
+        return settled_from(self._task.aside(self.counts), self.map.outcome)
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
         """Solutions beside a known one: those on branches, then those that deflation finds.
@@ -146,10 +146,10 @@ class Equilibria:
         followed, tried = 0, 0
         branches: Iterator[FloatArray] = self.on_branch()
         while True:
-            for found in branches:
-                if not deflation.is_known(found):
-                    known.append(found)
-                    yield found
+            for end in branches:
+                if not deflation.is_known(end):
+                    known.append(end)
+                    yield end
             if followed < 2 * len(known):
                 branches = self.on_branch(known[followed // 2], 1.0 - 2.0 * (followed % 2))
                 followed += 1
@@ -188,11 +188,11 @@ class Equilibria:
 
     def solve_under(self, bounds: FloatArray) -> Outcome:
         """Put the solution with these bounds into the system; collective.  Raises NotConverged."""
-        wanted, norm = self.map(bounds), self.map.vectors.norm
-        change = norm(wanted - bounds) / (norm(wanted) or 1.0)
+        image, norm = self.map(bounds), self.map.vectors.norm
+        change = norm(image - bounds) / (norm(image) or 1.0)
         if change > self._newton.tolerance:
             return self._settle()
-        return replace(self.map.found, friction_change=change)
+        return replace(self.map.outcome, friction_change=change)
 
     def destroy(self) -> None:
         """Free the PETSc objects, and count for the task what was taken."""
@@ -204,8 +204,8 @@ def require_map(task: Task, key: str = "equilibria") -> None:
     """Raise InputError, for a key, where other equilibria cannot be searched; collective."""
     if not has_map(task):
         raise InputError(
-            "needs friction and a body that more than friction "
-            f"holds, and takes at most {_MOST_NODES} nodes with friction",
+            f"needs friction, a body that is not held by friction alone, and at most {_MOST_NODES} "
+            "nodes with friction",
             key,
         )
 
@@ -227,13 +227,13 @@ def equilibria(task: Task, first: Outcome, most: int) -> Iterator[tuple[Outcome,
         yield first, index
         for bounds in itertools.islice(search.others(known), most - 1):
             before = replace(counts)
-            found = search.solve_under(bounds)
-            own = Counts(counts.tangents - before.tangents, counts.linear - before.linear)
-            task.monitor.counted(own.tangents, own.updates)
+            outcome = search.solve_under(bounds)
+            cost = Counts(counts.tangents - before.tangents, counts.linear - before.linear)
+            task.monitor.counted(cost.tangents, cost.updates)
             with task.system.preserved():
                 index = search.index()
-            stages = [stage_of(task.target.penalty, own.tangents)]
-            yield found.with_counts(own, stages), index
+            stages = [stage_of(task.target.penalty, cost.tangents)]
+            yield outcome.with_counts(cost, stages), index
     finally:
         search.destroy()
 
@@ -349,20 +349,20 @@ def critical_friction(state: SolvedState) -> dict[str, Any]:
         try:
             vectors = problem.vectors
             problem(vectors.in_force())
-            found = critical_share(_of_laws(problem, state))
+            pair = critical_share(_of_laws(problem, state))
         except NotConverged as failure:
             return {**none, "reason": str(failure)}
         finally:
             problem.destroy()
-    found = state.comm.bcast(found)
-    if found is None:
+    pair = state.comm.bcast(pair)
+    if pair is None:
         return {**none, "reason": "no share of friction is critical for this state of the contact"}
-    share, mode = found
+    share, mode = pair
     parts = [contact.surface.points[contact.free] for contact in vectors.contacts]
-    coordinates = zip(*(part.T for part in parts), strict=True)
+    coordinates = zip(*(points.T for points in parts), strict=True)
     places = np.stack([vectors.join(list(values)) for values in coordinates], axis=1)
     values = np.concatenate(
-        [item.friction.coefficient(np.zeros(len(item.free))) for item in state.system.rubbing]
+        [each.friction.coefficient(np.zeros(len(each.free))) for each in state.system.rubbing]
     )
     mu, smallest = maximum(state.comm, values), minimum(state.comm, values)
     falls = any(contact.friction.depends_on_slip for contact in state.system.rubbing)
@@ -380,12 +380,12 @@ def _of_laws(problem: BoundMap, state: SolvedState) -> FloatArray:
     no bound, whatever the bounds of the others are.
     """
     vectors = problem.vectors
-    found = [item for item in state.contacts if item.contact in vectors.contacts]
-    answers = vectors.gather([np.where(item.holds, 0.0, 1.0) for item in found])
+    rubbing = [fields for fields in state.contacts if fields.contact in vectors.contacts]
+    answers = vectors.gather([np.where(fields.holds, 0.0, 1.0) for fields in rubbing])
     has_bound = []
-    for item in found:
-        is_local = isinstance(item.contact.friction.smoothing, Identity)
-        has_bound.append(np.where(is_local & (item.state == OPEN), 0.0, 1.0))
+    for fields in rubbing:
+        is_local = isinstance(fields.contact.friction.smoothing, Identity)
+        has_bound.append(np.where(is_local & (fields.state == OPEN), 0.0, 1.0))
     return vectors.gather(has_bound)[:, None] * problem.derivative() * answers
 
 

@@ -115,19 +115,19 @@ class SectionsOfStudy:
 
     def after(self, solution: Solution, report: Outcome) -> Solution:
         """The solution with the branch in its summary, or with others, each certified."""
-        given, solver = self._study.parameters, self._study.solver
-        if given.branches is not None:
+        parameters, solver = self._study.parameters, self._study.solver
+        if parameters.branches is not None:
             self._monitor.message("following the branch of solutions")
             branch = _branch_of_study(self._study.problem, solver, solution.converged)
             solution = solution.with_entries(branches=branch)
-        if given.equilibria is None or not solution.converged:
+        if parameters.equilibria is None or not solution.converged:
             return solution
-        most = 1 if is_unique(solution.summary) else given.equilibria.find
+        most = 1 if is_unique(solution.summary) else parameters.equilibria.find
         solutions = [solution]
-        for number, (own, index) in enumerate(search(solver.task, report, most)):
+        for number, (outcome, index) in enumerate(search(solver.task, report, most)):
             if number > 0:
                 self._monitor.message(f"another solution: {number + 1} so far")
-                other = self._study.judged(solver.state(own))
+                other = self._study.judged(solver.state(outcome))
                 solutions.append(other.with_entries(restart=None))
             solutions[-1] = solutions[-1].with_entries(index=index)
         first = solutions[0].with_entries(equilibria=_entry(solutions))
@@ -137,7 +137,7 @@ class SectionsOfStudy:
         """Nothing: the solutions are done."""
 
 
-def _entry(found: Sequence[Solution]) -> dict[str, Any]:
+def _entry(solutions: Sequence[Solution]) -> dict[str, Any]:
     """The key ``equilibria`` of summary.json.
 
     ``missing`` says in words that the indices prove others, where they do: where Phi is continuous
@@ -146,10 +146,10 @@ def _entry(found: Sequence[Solution]) -> dict[str, Any]:
     rows = [
         {"folder": names.folder_of(number) if number > 1 else "."}
         | {name: solution.summary[name] for name in _COLUMNS}
-        for number, solution in enumerate(found, start=1)
+        for number, solution in enumerate(solutions, start=1)
     ]
-    total = sum(int(solution.summary["index"]) for solution in found)
-    if is_unique(found[0].summary):
+    total = sum(int(solution.summary["index"]) for solution in solutions)
+    if is_unique(solutions[0].summary):
         missing = _NONE
     elif total == 1:
         missing = "the indices of these solutions add up to 1, and so do those of all solutions"
@@ -159,7 +159,7 @@ def _entry(found: Sequence[Solution]) -> dict[str, Any]:
             f"there are {abs(total - 1)} others at least, if the friction bounds cannot grow "
             "without a limit"
         )
-    return {"found": len(found), "solutions": rows, "missing": missing}
+    return {"found": len(solutions), "solutions": rows, "missing": missing}
 
 
 def _branch_of_study(
@@ -171,12 +171,12 @@ def _branch_of_study(
     The points are the columns of branches.csv.  ``leaves_at`` is the share of the first fold:
     solutions that follow a share which grows from 0 leave the branch there.
     """
-    given = problem.parameters.branches
-    assert given is not None
-    if given.is_over_friction:
-        found = diagram(solver.task, given.to)
+    section = problem.parameters.branches
+    assert section is not None
+    if section.is_over_friction:
+        branch = diagram(solver.task, section.to)
     elif not converged:
-        found = NO_START
+        branch = NO_START
     else:
         parameters = _with_load_share(problem.parameters)
         shared = StudyProblem(parameters, problem.domain, problem.element)
@@ -189,16 +189,16 @@ def _branch_of_study(
             shared.advance(share)
             other.system.assemble_loads()
 
-        found = diagram(other.task, given.to, load)
+        branch = diagram(other.task, section.to, load)
         other.close()
         shared.close()
-    columns = [item.name for item in dataclasses.fields(DiagramPoint)]
+    columns = [field.name for field in dataclasses.fields(DiagramPoint)]
     return {
-        "over": given.over,
-        "end": found.end,
-        "folds": found.folds,
-        "leaves_at": found.folds[0] if found.folds else None,
-        "points": {name: [getattr(point, name) for point in found.points] for name in columns},
+        "over": section.over,
+        "end": branch.end,
+        "folds": branch.folds,
+        "leaves_at": branch.folds[0] if branch.folds else None,
+        "points": {name: [getattr(point, name) for point in branch.points] for name in columns},
     }
 
 

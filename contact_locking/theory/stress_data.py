@@ -186,17 +186,17 @@ def held_components(state: SolvedState, triangles: Triangles) -> BoolArray:
     problem, worst, s = state.problem, 0.0, np.arange(_SAMPLES) / (_SAMPLES - 1.0)
     if problem.constraints.oblique:
         raise NotApplicable("a support holds a direction that is no axis")
-    if problem.constraints.given:
+    if problem.constraints.bcs:
         raise NotApplicable("conditions of DOLFINx prescribe values at nodes")
     samples, nodal = between(FACET_ENDS, s), triangles.at_nodes(problem.u)
     shapes = np.stack([lagrange(problem.element.degree, points) for points in samples])
-    for item in problem.constraints.components:
-        cells, sides = triangles.sides_on(problem.domain.facets(item.on, item.key))
-        held[cells, sides, item.component] = True
+    for condition in problem.constraints.components:
+        cells, sides = triangles.sides_on(problem.domain.facets(condition.on, condition.key))
+        held[cells, sides, condition.component] = True
         places = between(triangles.ends[cells, sides], s)
-        wanted = item.value(places.reshape(-1, 2).T).reshape(len(cells), _SAMPLES)
-        values = np.einsum("msi,mi->ms", shapes[sides], nodal[cells, :, item.component])
-        worst = max(worst, float(np.abs(wanted - values).max(initial=0.0)))
+        prescribed = condition.value(places.reshape(-1, 2).T).reshape(len(cells), _SAMPLES)
+        values = np.einsum("msi,mi->ms", shapes[sides], nodal[cells, :, condition.component])
+        worst = max(worst, float(np.abs(prescribed - values).max(initial=0.0)))
     if maximum(state.comm, worst) > _ROUNDING * state.largest_displacement:
         raise NotApplicable("prescribed displacements are not met between the nodes")
     return held
@@ -214,8 +214,8 @@ def require_exact_gaps(
         places = between(triangles.ends[contact.cells, contact.sides], s)
         at_places = contact.fields.contact.foundation.gap(places.reshape(-1, 2).T)
         exact = at_places.reshape(len(places), _SAMPLES)
-        own = np.einsum("mr,sr->ms", contact.gap, bernstein(contact.gap.shape[1] - 1, s))
-        worst = max(worst, float(np.abs(exact - own).max(initial=0.0)))
+        interpolated = np.einsum("mr,sr->ms", contact.gap, bernstein(contact.gap.shape[1] - 1, s))
+        worst = max(worst, float(np.abs(exact - interpolated).max(initial=0.0)))
     if maximum(state.comm, worst) > _ROUNDING_OF_DISTANCES * state.target.length:
         raise NotApplicable("the gap is not met between the nodes of the mesh")
 
@@ -250,7 +250,7 @@ def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElemen
 
     Raises NotApplicable for a load that cannot be evaluated at points, or is no such polynomial.
     """
-    found = BalancedLoads.none(triangles, element)
+    loads = BalancedLoads.none(triangles, element)
     for integral in () if data.loads is None else data.loads.integrals():
         kind, load = integral.integral_type(), _density(integral.integrand())
         if integral.metadata().get("quadrature_rule") == "custom":
@@ -258,17 +258,17 @@ def balanced_loads(data: ProblemData, triangles: Triangles, element: MacroElemen
         if kind == "cell":
             if integral.subdomain_id() != "everywhere":
                 raise NotApplicable("a body force acts on a part of the body only")
-            _add_body_force(found, load, triangles, element)
+            _add_body_force(loads, load, triangles, element)
         elif kind == "exterior_facet":
-            tags, wanted = integral.subdomain_data(), integral.subdomain_id()
-            if tags is None or wanted == "everywhere":
+            tags, marks = integral.subdomain_data(), integral.subdomain_id()
+            if tags is None or marks == "everywhere":
                 raise NotApplicable("a traction acts on a part of the boundary without a name")
-            numbers = wanted if isinstance(wanted, tuple) else (wanted,)
+            numbers = marks if isinstance(marks, tuple) else (marks,)
             facets = np.unique(np.concatenate([tags.find(number) for number in numbers]))
-            _add_traction(found, load, triangles, facets, element.degree)
+            _add_traction(loads, load, triangles, facets, element.degree)
         else:
             raise NotApplicable(f"a load acts on the measure {kind!r}")
-    return found
+    return loads
 
 
 def _density(integrand: Any) -> Any:
@@ -282,7 +282,7 @@ def _density(integrand: Any) -> Any:
 
 
 def _add_body_force(
-    found: BalancedLoads, load: Any, triangles: Triangles, element: MacroElement
+    loads: BalancedLoads, load: Any, triangles: Triangles, element: MacroElement
 ) -> None:
     points, _ = basix.make_quadrature(basix.CellType.triangle, _DEGREE)
     cells, shapes = np.arange(len(triangles.areas)), lagrange(element.degree - 1, points)
@@ -291,11 +291,11 @@ def _add_body_force(
     rest = values - np.einsum("qi,ntid->ntqd", shapes, body)
     why = f"a body force is not of degree {element.degree - 1}"
     _require_rounding(triangles, rest, values, why)
-    found.body += body
+    loads.body += body
 
 
 def _add_traction(
-    found: BalancedLoads, load: Any, triangles: Triangles, facets: IndexArray, degree: int
+    loads: BalancedLoads, load: Any, triangles: Triangles, facets: IndexArray, degree: int
 ) -> None:
     points, weights = basix.make_quadrature(basix.CellType.interval, _DEGREE + degree)
     s = points[:, 0]
@@ -307,14 +307,14 @@ def _add_traction(
     in_cells = ufl.replace(load, dict.fromkeys(extract_type(load, ufl.FacetNormal), normal))
     for side in range(3):
         normal.x.array.reshape(-1, 2)[dofs] = triangles.normals[:, side]
-        here = sides == side
-        values[here] = _values(in_cells, triangles, places, cells[here])[:, side]
+        on_side = sides == side
+        values[on_side] = _values(in_cells, triangles, places, cells[on_side])[:, side]
     table = legendre(degree, s)
     moments = np.einsum("q,qj,mqd->mjd", weights, table, values)
     rest = values - np.einsum("qj,mjd->mqd", table, moments)
     _require_rounding(triangles, rest, values, f"a traction is not of degree {degree}")
     # A side of a cell occurs once in a measure.
-    found.moments[cells, sides] += triangles.lengths[cells, sides][:, None, None] * moments
+    loads.moments[cells, sides] += triangles.lengths[cells, sides][:, None, None] * moments
 
 
 def _require_rounding(triangles: Triangles, rest: FloatArray, whole: FloatArray, why: str) -> None:
@@ -332,8 +332,8 @@ def _values(load: Any, triangles: Triangles, points: FloatArray, cells: IntArray
         raise NotApplicable("a load cannot be evaluated at points") from error
     if not len(cells):
         return np.empty((0, *points.shape))
-    found = expression.eval(triangles.domain.mesh, cells.astype(np.int32))
-    return np.asarray(found).reshape(len(cells), *points.shape)
+    values = expression.eval(triangles.domain.mesh, cells.astype(np.int32))
+    return np.asarray(values).reshape(len(cells), *points.shape)
 
 
 def balanced_forces(

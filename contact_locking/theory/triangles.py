@@ -149,9 +149,9 @@ def _normal_jumps(degree: int) -> FloatArray:
         normal = np.array([-along[1], along[0]])
         block = np.zeros((len(s), 2, 3, m, 3))
         # The cut from a corner is between the parts of the facets that meet at the corner.
-        for sign, part in zip((1.0, -1.0), [i for i in range(3) if i != corner], strict=True):
-            values = _values_in_part(degree, part, _CORNERS[corner] + np.outer(s, along))
-            block[:, :, part] = sign * np.einsum("qp,mij,j->qipm", values, TENSORS, normal)
+        for sign, piece in zip((1.0, -1.0), [i for i in range(3) if i != corner], strict=True):
+            values = _values_in_part(degree, piece, _CORNERS[corner] + np.outer(s, along))
+            block[:, :, piece] = sign * np.einsum("qp,mij,j->qipm", values, TENSORS, normal)
         rows.append(block.reshape(-1, 9 * m))
     return np.concatenate(rows)
 
@@ -160,9 +160,9 @@ def _divergences(degree: int) -> FloatArray:
     """The divergence at the points of degree k - 1 of each part, as rows for all values (9 m)."""
     low, m = lattice(degree - 1), len(lattice(degree))
     block = np.zeros((3, len(low), 2, 3, m, 3))
-    for part, edges in enumerate(_EDGES):
+    for piece, edges in enumerate(_EDGES):
         gradients = lagrange_gradients(degree, low) @ np.linalg.inv(edges)
-        block[part, :, :, part] = np.einsum("qpj,mij->qipm", gradients, TENSORS)
+        block[piece, :, :, piece] = np.einsum("qpj,mij->qipm", gradients, TENSORS)
     return block.reshape(-1, 9 * m)
 
 
@@ -170,20 +170,20 @@ def _moments(degree: int, stresses: FloatArray) -> FloatArray:
     """The moments (n, 3, k + 1, 2) of the tractions of stresses (n, 3, m, 3)."""
     points, weights = basix.make_quadrature(basix.CellType.interval, 2 * degree)
     s = points[:, 0]
-    found = np.empty((len(stresses), 3, degree + 1, 2))
+    moments = np.empty((len(stresses), 3, degree + 1, 2))
     for facet, (first, last) in enumerate(FACET_ENDS):
         along = last - first
         normal = np.array([along[1], -along[0]])
         normal *= np.sign(normal @ (first - _CORNERS[facet]))
         values = _values_in_part(degree, facet, first + np.outer(s, along))
         tractions = np.einsum("npm,qp,mij,j->nqi", stresses[:, facet], values, TENSORS, normal)
-        found[:, facet] = np.einsum("q,qj,nqi->nji", weights, legendre(degree, s), tractions)
-    return found
+        moments[:, facet] = np.einsum("q,qj,nqi->nji", weights, legendre(degree, s), tractions)
+    return moments
 
 
-def _values_in_part(degree: int, part: int, places: FloatArray) -> FloatArray:
+def _values_in_part(degree: int, piece: int, places: FloatArray) -> FloatArray:
     """The Lagrange polynomials (q, m) of a part at places (q, 2) of the reference triangle."""
-    return lagrange(degree, np.linalg.solve(_EDGES[part], (places - _PARTS[part, 0]).T).T)
+    return lagrange(degree, np.linalg.solve(_EDGES[piece], (places - _PARTS[piece, 0]).T).T)
 
 
 class Triangles:
@@ -259,9 +259,9 @@ def control_values(nodal: FloatArray) -> FloatArray:
 
 def legendre_moments(control: FloatArray, degree: int) -> FloatArray:
     """The moments (m, k + 1, ...) on [0, 1] with Legendre's polynomials up to degree k."""
-    own = control.shape[1] - 1
-    s, weights = _rule(own + degree)
-    table = np.einsum("q,qj,qi->ji", weights, legendre(degree, s), bernstein(own, s))
+    own_degree = control.shape[1] - 1
+    s, weights = _rule(own_degree + degree)
+    table = np.einsum("q,qj,qi->ji", weights, legendre(degree, s), bernstein(own_degree, s))
     return np.einsum("ji,mi...->mj...", table, control)
 
 

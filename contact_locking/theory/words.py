@@ -42,19 +42,19 @@ def rows(summary: Mapping[str, Any]) -> list[tuple[str, str | None]]:
     ]
 
 
-def _branch(found: Mapping[str, Any] | None) -> str | None:
-    if found is None:
+def _branch(branch: Mapping[str, Any] | None) -> str | None:
+    if branch is None:
         return None
-    shares = ", ".join(f"{share:.4g}" for share in found["folds"])
+    shares = ", ".join(f"{share:.4g}" for share in branch["folds"])
     folds = f"turns at the shares {shares}" if shares else "no turn was found"
-    count = len(found["points"]["share"])
-    return f"over {found['over']}: {count} points; {folds}; it ends: {found['end']}"
+    count = len(branch["points"]["share"])
+    return f"over {branch['over']}: {count} points; {folds}; it ends: {branch['end']}"
 
 
 def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """The table of several solutions of one problem; none without them."""
-    found = summary.get("equilibria")
-    if not found:
+    section = summary.get("equilibria")
+    if not section:
         return []
     head = ("equilibria", "contact force", "friction force", "elastic energy", "index")
     rows = [
@@ -64,7 +64,7 @@ def equilibria(summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
             f"{entry['elastic_energy']:.4g}",
             f"{entry['index']:+d}",
         )
-        for entry in found["solutions"]
+        for entry in section["solutions"]
     ]
     return [head, *rows]
 
@@ -78,9 +78,9 @@ def _if_known(
     return str(entry["reason"]) if entry[key] is None else words(entry)
 
 
-def _critical_friction(found: Mapping[str, Any]) -> str:
-    mu = "" if found["coefficient"] is None else f", the coefficient {found['coefficient']:.4g}"
-    return f"{found['share']:.4g} times the given friction{mu}: the linearised problem is singular"
+def _critical_friction(entry: Mapping[str, Any]) -> str:
+    mu = "" if entry["coefficient"] is None else f", the coefficient {entry['coefficient']:.4g}"
+    return f"{entry['share']:.4g} times the given friction{mu}: the linearised problem is singular"
 
 
 def _proved(summary: Mapping[str, Any]) -> str:

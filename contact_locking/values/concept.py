@@ -208,15 +208,15 @@ class Concept(_Model):
         return iter(())
 
 
-def entry(default: Any, description: str, unit: str = "", **more: Any) -> Any:
+def entry(default: Any, description: str, unit: str = "", **options: Any) -> Any:
     """A key with its default (``...`` for a required key), description and unit.
 
-    ``more`` goes to pydantic.
+    ``options`` go to pydantic.
     """
     extra: JsonDict = {"unit": unit}
     if isinstance(default, Value):
         extra["default"] = default.data
-    return Field(default, description=description, json_schema_extra=extra, **more)
+    return Field(default, description=description, json_schema_extra=extra, **options)
 
 
 def hidden(name: str) -> Any:
@@ -294,12 +294,12 @@ def dimension_faults(whole: Concept, body: BodyKind) -> Iterator[Fault]:
     """The values below a section that do not fit a body."""
     for place, section in sections(whole):
         for name, (depth, components) in marked(type(section), Components).items():
-            value, here = getattr(section, name), place_of(place, section, name)
+            value, path = getattr(section, name), place_of(place, section, name)
             if not isinstance(value, tuple):
                 continue
             size = components.number or body.dim
-            vectors = [((*here, index), row) for index, row in enumerate(value)]
-            for at, vector in vectors if depth else [(here, value)]:
+            vectors = [((*path, index), row) for index, row in enumerate(value)]
+            for at, vector in vectors if depth else [(path, value)]:
                 if len(vector) != size:
                     message = f"must have {size} components in {size}D, not {len(vector)}"
                     yield Fault(at, f"{message}: {show(vector)}")

@@ -132,7 +132,6 @@ def test_a_mollifier_that_changes_constants_is_caught(monkeypatch: pytest.Monkey
         name for name, entry in summary["certificate"]["criteria"].items() if not entry["holds"]
     ]
     assert failed == ["smoothing_constants"] and not summary["converged"]
-    assert "change of constants by R is 1.0e-03" in summary["reason"]
 
 
 @pytest.mark.serial
@@ -142,8 +141,7 @@ def test_a_bound_that_does_not_hold_is_caught(monkeypatch: pytest.MonkeyPatch) -
 
     monkeypatch.setattr("contact_locking.theory.bounds.dual_norm", small)
     summary = solving.solve(block()).summary
-    assert summary["bounds"]["displacement_norm"]["holds"] is False
-    assert "proved bound of displacement norm does not hold" in summary["reason"]
+    assert summary["bounds"]["displacement_norm"]["holds"] is False and not summary["converged"]
 
 
 # Criteria of good solutions -----------------------------------------------------------------------

@@ -74,7 +74,6 @@ def test_a_pinch_holds_a_weight_up_to_twice_the_friction_of_a_tool(weight: float
         assert found.summary["friction_force"][1] == pytest.approx(weight, rel=1e-7)
     else:
         assert not found.converged
-        assert "friction cannot hold the body" in found.summary["reason"]
         assert "translation along y" in found.summary["reason"]
 
 

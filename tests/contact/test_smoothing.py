@@ -127,7 +127,7 @@ def test_a_closed_curve_is_measured_the_shorter_way_around() -> None:
     assert distances.max(initial=0.0) <= 2.0
     # On a square of circumference 4 all nodes except the opposite node are nearer than 2.
     assert (np.bincount(rows, minlength=len(surface.nodes)) == 31).all()
-    across = np.linalg.norm(whole.points[whole.own][rows] - whole.points[columns], axis=1)
+    across = np.linalg.norm(whole.points[whole.owned][rows] - whole.points[columns], axis=1)
     assert np.all(distances >= across - 1e-12)
 
 

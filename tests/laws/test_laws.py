@@ -217,10 +217,10 @@ def test_a_moved_body_has_the_distance_of_the_body_where_it_was(dim: int) -> Non
 
     motion = RigidMotion(vector(), rotation(random.normal(size=1 if dim == 2 else 3)), vector())
     x = random.normal(size=(dim, 20))
-    assert motion.place(motion.origin(x)) == pytest.approx(x)
+    assert motion.moved(motion.origin(x)) == pytest.approx(x)
     centre = vector()
     ball = MovedDistance(Sphere(tuple(centre), 0.3), motion)
-    there = Sphere(tuple(motion.place(centre[:, None])[:, 0]), 0.3)
+    there = Sphere(tuple(motion.moved(centre[:, None])[:, 0]), 0.3)
     assert ball.gap(x) == pytest.approx(there.gap(x))
     assert ball.contact_normal(x) == pytest.approx(there.contact_normal(x))
     plane = MovedDistance(HalfSpace(tuple(vector()), tuple(vector())), motion)

@@ -99,7 +99,6 @@ def plate(model: Any, order: int = 1) -> None:
 def xdmf(**options: Any) -> Callable[[Path], Path]:
     def write(folder: Path) -> Path:
         meshio = pytest.importorskip("meshio")
-        pytest.importorskip("h5py")
         mesh = meshio.Mesh(np.array(SQUARE), [("triangle", np.array(CELLS) - 1)])
         meshio.write(folder / "part.xdmf", mesh, **options)
         return folder / "part.xdmf"

@@ -32,7 +32,7 @@ BLOCK: dict[str, Any] = {
     "loads": LOADS,
     "contact": {"on": "bottom"},
     "friction": {"coefficient": 0.3, "smoothing": {"radius": 1.5}},
-    "output": {"formats": ["vtx", "xdmf"], "probes": [{"points": [[0.3, 0.4]]}]},
+    "output": {"probes": [{"points": [[0.3, 0.4]]}]},
 }
 STUDIES: dict[str, dict[str, Any]] = {
     "a block": BLOCK | {"certificate": {"constants": True, "error_bound": True}},

@@ -116,11 +116,11 @@ BAD: dict[str, tuple[str, str, str]] = {
     "data elsewhere": (
         "body.h5:/Mesh",
         "../other.h5:/Mesh",
-        "does not have its numbers in body.h5",
+        "needs its numbers in body.h5",
     ),
     "a curved cell": ('"Triangle"', '"Tri_6"', "write cells of one kind and of first order"),
     "a group twice": ('Name="top"', 'Name="left"', "two grids with one name"),
-    "a name that is none": ('Name="top"', 'Name=""', "is no name"),
+    "a name that is none": ('Name="top"', 'Name=""', "is not valid"),
     "a dataset that is not there": ("/MeshTags/1", "/MeshTags/9", "cannot be read with body.h5"),
 }
 
@@ -147,7 +147,7 @@ def test_a_file_without_its_data_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match=r"cannot be read with body\.h5"):
             from_file(path, MPI.COMM_SELF)
     data_file(path).unlink()
-    with pytest.raises(InputError, match=r"does not have its numbers in body\.h5 beside it"):
+    with pytest.raises(InputError, match=r"needs its numbers in body\.h5"):
         from_file(path, MPI.COMM_SELF)
 
 

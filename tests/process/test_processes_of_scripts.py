@@ -94,7 +94,7 @@ def test_the_files_of_a_process_of_a_script_are_read_back(tmp_path: Path) -> Non
     MPI.COMM_WORLD.Barrier()
     names = {path.name for path in folder.iterdir()} - {"picture.png"}
     texts = {"summary.json", "contact.csv", "contact_facets.csv", "history.csv"}
-    assert names == texts | {"fields.bp"}
+    assert names == texts | {"fields.vtkhdf"}
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["contact_force"] == solution.summary["contact_force"]
     assert_same(Table.read((folder / "history.csv").read_text(), "history.csv"), process.history)

@@ -178,7 +178,7 @@ FILES = {
     "contact.csv",
     "contact_facets.csv",
     "history.csv",
-    "fields.bp",
+    "fields.vtkhdf",
 }
 # What a run measures of itself, or of rounding.
 ITS_OWN = {"seconds", "tangents", "linear", "residual", "energy_defect", "nearest_criterion"}
@@ -282,7 +282,7 @@ def test_a_killed_run_goes_on_from_its_last_complete_step(fields: bool, tmp_path
     assert np.allclose(whole, cut, rtol=1e-5, atol=1e-8)
     # The command removes what was left in staging folders.
     names = {path.name for path in folder.glob("[!.]*")}
-    assert names == FILES - (set() if fields else {"fields.bp"})
+    assert names == FILES - (set() if fields else {"fields.vtkhdf"})
     report.write(folder)
     charts = {path.stem for path in (folder / "report").glob("*.svg")}
     assert {"history-force", "history-area", "history-energy", "history-moment"} <= charts

@@ -27,7 +27,6 @@ from contact_locking.view.pictures.gather import gather
 
 OUTPUT = {
     "output__picture": False,
-    "output__formats": ["vtx", "xdmf"],
     "output__probes": [{"line": {"from": [0.1, 0.5], "to": [0.9, 0.5], "count": 9}}],
 }
 

@@ -4,28 +4,26 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 from mpi4py import MPI
-from problems import block
 from quadratic_bodies import square
-from slow import slow
 from solutions import made_up
 
-from contact_locking import solve
 from contact_locking.errors import InputError
 from contact_locking.fem.compiled import integral
 from contact_locking.results import fields
 from contact_locking.results import output as output_folder
+from contact_locking.results.solution import StudySolution
 from contact_locking.running import run as writing
 
 TEXTS = {"summary.json", "parameters.yaml", "contact.csv", "contact_facets.csv"}
-FILES = TEXTS | {"fields.bp", "picture.png"}
+FILES = TEXTS | {"fields.vtkhdf", "picture.png"}
 
 
 def listing(folder: Path, comm: MPI.Intracomm) -> set[str]:
@@ -61,12 +59,34 @@ def test_fields_are_written_without_loss(dim: int) -> None:
     assert set(np.unique(copies["contact_state"].x.array)) <= {0.0, 1.0, 2.0}
 
 
-def test_the_vtx_file_holds_every_field_by_name(folder: Path, comm: MPI.Intracomm) -> None:
-    writing.write(made_up(), folder)
-    comm.Barrier()
-    metadata = (folder / "fields.bp" / "md.0").read_bytes()
-    for name in fields.FIELD_NAMES:
-        assert f'Name="{name}"'.encode() in metadata
+@pytest.mark.parametrize("make", [made_up, lambda: made_up(3), square])
+def test_vtk_reads_the_fields_of_every_rank_at_every_time(
+    make: Callable[[], StudySolution], folder: Path, comm: MPI.Intracomm
+) -> None:
+    reader = pytest.importorskip("vtkmodules.vtkIOHDF").vtkHDFReader()
+    numpy_support = pytest.importorskip("vtkmodules.util.numpy_support")
+    solution, values = make(), []
+    with writing.FieldSeries(folder, comm) as series:
+        for factor in (2.0, 0.5):
+            solution.displacement.x.array[:] *= factor
+            series.add(solution)
+            functions = fields.discontinuous(solution)
+            values.append({f.name: comm.gather(fields.values_at_nodes(f)) or [] for f in functions})
+        if comm.rank > 0:
+            return
+        reader.SetFileName(str(series.path))
+        reader.UpdateInformation()
+        assert reader.GetNumberOfSteps() == 2
+        for step, arrays in enumerate(values):
+            reader.SetStep(step)
+            reader.Update()
+            grid = reader.GetOutputAsDataSet()
+            assert grid.GetNumberOfCells() == solution.domain.num_cells
+            data = grid.GetPointData()
+            assert {data.GetArrayName(i) for i in range(data.GetNumberOfArrays())} == set(arrays)
+            for name, parts in arrays.items():
+                written = numpy_support.vtk_to_numpy(data.GetArray(name))
+                np.testing.assert_array_equal(written, np.concatenate(parts))
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -118,55 +138,6 @@ def test_a_folder_that_cannot_be_written_to_is_bad_input_on_every_rank(
         output_folder.prepare(folder / "file" / "results", comm)
     assert caught.value.key == "output.directory"
     assert listing(folder, comm) == {"file"}
-
-
-def test_fields_can_be_written_as_xdmf(tmp_path: Path, comm: MPI.Intracomm) -> None:
-    folder = comm.bcast(tmp_path)
-    wanted = {"formats": ["xdmf"], "picture": False, "directory": "r"}
-    solution = made_up(2, output=wanted)
-    writing.write(solution, folder)
-    if comm.rank != 0:
-        return
-    assert not (folder / "fields.bp").exists()
-    root = ElementTree.parse(folder / "fields.xdmf").getroot()
-    found = {item.get("Name"): item for item in root.iter("Attribute")}
-    assert set(found) == set(fields.FIELD_NAMES)
-    assert found["displacement"].get("Center") == "Node"
-    assert found["strain_norm"].get("Center") == "Cell"
-    data = found["strain_norm"].find("DataItem")
-    assert data is not None and data.text is not None and data.text.startswith("fields.h5:")
-    assert int(data.get("Dimensions", "").split()[0]) == solution.domain.num_cells
-
-
-@pytest.mark.parametrize("dim", [2, slow(3)])
-def test_a_large_file_has_the_fields_of_a_small_one(
-    dim: int, comm: MPI.Intracomm, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    adios2 = pytest.importorskip("adios2")
-    folder = comm.bcast(tmp_path)
-    functions = fields.discontinuous(solve(block(dim, 0.5), comm))
-    for name, largest in (
-        ("small", fields._LARGEST_BP4),
-        ("large", fields.size(functions, comm) - 1),
-    ):
-        monkeypatch.setattr(fields, "_LARGEST_BP4", largest)
-        file = fields.Series(functions, folder / f"{name}.bp", comm)
-        file.add(0.0)
-        file.close()
-    if comm.rank > 0:
-        return
-    # Only a file in the format BP5 has metadata of metadata.
-    assert (folder / "large.bp" / "mmd.0").exists()
-    assert not (folder / "small.bp" / "mmd.0").exists()
-    with (
-        adios2.FileReader(str(folder / "small.bp")) as small,
-        adios2.FileReader(str(folder / "large.bp")) as large,
-    ):
-        names = set(small.available_variables())
-        assert names == set(large.available_variables())
-        assert names >= {function.name for function in functions}
-        for name in names:
-            np.testing.assert_array_equal(small.read(name), large.read(name))
 
 
 def test_fields_for_paraview_are_quadratic_in_each_cell() -> None:

@@ -23,7 +23,7 @@ contact: {on: bottom}
 output: {directory: ., picture: false, fields: false}
 study: {vary: {friction.coefficient: [0.1, 0.2]}}
 """
-USERS = ("checkpoint/model.pt", "picture.png", "fields.bp/data.0", "summary.json", ".lock")
+USERS = ("checkpoint/model.pt", "picture.png", "fields.vtkhdf", "summary.json", ".lock")
 
 
 def users(place: Path) -> Path:

@@ -45,7 +45,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
 
         def solve(parameters, *_):
             with staging(Path(parameters.output.directory)) as folder:
-                (folder / "fields.bp").mkdir()
+                (folder / "fields.vtkhdf").touch()
                 time.sleep(60)
 
         solving.solve = solve
@@ -58,7 +58,7 @@ def running(study: Path) -> Iterator[subprocess.Popen[str]]:
         stderr=subprocess.PIPE,
         text=True,
     )
-    wait_for(lambda: list(study.parent.glob("out/.partial-*/fields.bp")))
+    wait_for(lambda: list(study.parent.glob("out/.partial-*/fields.vtkhdf")))
     yield process
     process.kill()
     process.communicate()

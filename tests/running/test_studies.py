@@ -75,8 +75,8 @@ def test_a_case_that_fails_is_recorded_with_its_reason_and_the_others_go_on(fold
     assert found["3"] == ("not converged", "too steep")
     assert found["5"] == ("failed", "was killed by SIGSEGV")
     assert found["6"][0] == "failed" and "crashed: SEGV: Segmentation Violation;" in found["6"][1]
-    assert found["7"][0] == "failed" and "no results of these parameters" in found["7"][1]
-    assert found["9"] == ("failed", "was killed by SIGKILL, perhaps for want of memory")
+    assert found["7"][0] == "failed" and "no results" in found["7"][1]
+    assert found["9"][0] == "failed" and "SIGKILL" in found["9"][1]
     assert found["10"] == ("converged", "every criterion held")
     assert {row["converged"] for row in folder.table()[:-1]} == {"false"}
 
@@ -151,7 +151,7 @@ def test_a_summary_that_is_no_complete_one_of_the_case_does_not_count(
         (["--ranks", "two"], "--ranks: must be an integer from 1"),
         (["--ranks", "2"], "mpirun, which is not on the PATH"),
         (["--set", "study=null"], "has no study"),
-        (["--set", "study={vary: {output.directory: [a, b]}}"], "has a folder of its own"),
+        (["--set", "study={vary: {output.directory: [a, b]}}"], "each case already"),
         (["--set", "study={vary: {penalty.n: [1, -1]}}"], "in the case penalty.n = -1"),
         (["--set", "title=&a [*a]"], "anchors"),
     ],

@@ -108,7 +108,7 @@ def test_friction_that_alone_holds_a_body_has_no_map() -> None:
     )
     solver = _solver(data)
     assert not has_map(Task(solver.system, solver.target, solver.settings))
-    with pytest.raises(InputError, match="more than friction holds"):
+    with pytest.raises(InputError, match="friction alone"):
         next(equilibria(solver.task, solver.solve(), 2))
     solver.close()
 
@@ -140,7 +140,6 @@ def test_a_body_that_nothing_presses_has_one_solution_and_no_branch() -> None:
     assert found.converged
     assert "add up to 1, and so do" in found.summary["equilibria"]["missing"]
     assert found.summary["branches"]["points"]["share"] == []
-    assert "no node presses without friction" in found.summary["branches"]["end"]
 
 
 def test_a_study_finds_several_certified_solutions(tmp_path: Path) -> None:

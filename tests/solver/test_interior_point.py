@@ -26,7 +26,6 @@ def test_displacements_that_no_field_within_the_limit_follows_are_infeasible(by:
     summary = solving.solve(_stretched(by, math.inf)).summary
     assert not summary["converged"]
     assert summary["failure"] == "solver.infeasible"
-    assert "times its limit near" in summary["reason"]
     low, high = summary["admissible_load_factor"]
     assert low <= 0.02 / by <= high * (1.0 + 1e-3)
     assert high <= 1.02 * low

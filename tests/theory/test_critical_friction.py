@@ -60,8 +60,7 @@ def test_without_friction_or_without_a_support_the_entry_says_why() -> None:
     data["certificate"] = {"critical_friction": True}
     solution = solve_assembled(assemble(Parameters.model_validate(data), MPI.COMM_SELF))
     found = solution.summary["certificate"]["critical_friction"]
-    assert found["share"] is None
-    assert "there is no friction" in found["reason"]
+    assert found["share"] is None and found["reason"]
     assert not math.isnan(solution.summary["residual"])
 
 

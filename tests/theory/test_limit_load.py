@@ -51,7 +51,6 @@ def test_displacements_that_are_too_large_for_every_mesh_are_proved_so() -> None
     found = summary["certificate"]["limit_load"]
     assert found["infeasible"] is True
     assert 0.4 < found["load_factor"][0] < found["load_factor"][1] < 0.75
-    assert "on no mesh" in summary["reason"]
 
 
 def test_the_limit_load_of_a_stretched_bar_is_exact() -> None:

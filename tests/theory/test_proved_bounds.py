@@ -188,4 +188,4 @@ def test_a_bound_of_the_users_own_has_no_verdict() -> None:
             return np.minimum(super().evaluate(pressure, slip), 0.004)
 
     found = constants_of(slip_weakening, Capped)["uniqueness"]
-    assert found["verdict"] == "not known" and "user's own" in found["why"]
+    assert found["verdict"] == "not known" and "friction bound" in found["why"]

@@ -16,6 +16,7 @@ from solutions import DIVISIONS, KINDS, displacement, made_up, of_kind
 from contact_locking.view import pictures
 from contact_locking.view.pictures import style
 from contact_locking.view.pictures.gather import gather
+from contact_locking.view.pictures.plane import draw_tractions
 from contact_locking.view.pictures.style import Snapshot
 
 
@@ -65,6 +66,16 @@ def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.In
         image = matplotlib.image.imread(folder / "picture.png")
         assert image.shape[1] == round(7.2 * style.DPI) and min(image.shape[:2]) > 800
         assert image[:, :, :3].std() > 0.05
+
+
+@pytest.mark.serial
+def test_the_legend_has_each_name_once_for_a_contact_of_several_lines() -> None:
+    body = snapshot()
+    assert body is not None
+    contact, (axes, strip) = body.contact, matplotlib.figure.Figure().subplots(2)
+    facets = np.delete(contact.facets, 1, axis=0)
+    draw_tractions(axes, strip, contact.points, facets, {}, 1.0, contact.smoothed)
+    assert len(axes.get_legend_handles_labels()[1]) == 4
 
 
 def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(

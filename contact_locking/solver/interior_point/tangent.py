@@ -287,7 +287,8 @@ class Tangent:
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` to the system's displacement and travels."""
         self.system.u.x.array[: self._owned] += t * step[: self._owned]
-        self.system.u.x.scatter_forward()
+        # Steps that are larger than the solution leave their rounding in the prescribed values.
+        self.system.constraints.apply(self.system.u)
         tools = self.system.tools
         tools.travels = tuple(np.add(tools.travels, t * step[self._owned :]))
 

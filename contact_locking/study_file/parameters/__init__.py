@@ -80,7 +80,7 @@ class EquilibriaParameters(Concept):
 
     find: Count = entry(
         5,
-        "the most solutions, with the first; those beside it are in folders equilibrium_2, ...",
+        "the most solutions, including the first; the others are in folders equilibrium_2, ...",
         "1",
     )
 
@@ -93,8 +93,8 @@ class BranchesParameters(Concept):
 
     over: Text = entry(
         "friction.coefficient",
-        "what the branch multiplies by a share: friction.coefficient, loads (all of them, with "
-        "prescribed displacements), or the key of some of them, such as loads.tractions.0.value",
+        "what the share multiplies: friction.coefficient, loads (all of them, with prescribed "
+        "displacements), or the key of some of them, such as loads.tractions.0.value",
     )
     to: Positive = entry(2.0, "the last share", "1")
 
@@ -108,9 +108,9 @@ class SensitivityParameters(Concept):
 
     of: Names = entry(
         ("compliance",),
-        "the quantities, as contact_force.1, reactions.top.1, compliance or pressure_max",
+        "the quantities, such as contact_force.1, reactions.top.1, compliance or pressure_max",
     )
-    to: Names = entry((), "the numbers, by their dotted keys, as friction.coefficient")
+    to: Names = entry((), "the numbers, by their dotted keys, such as friction.coefficient")
     check: Switch = entry(
         False, "compare with central differences, which take two more solves for each number"
     )
@@ -165,7 +165,7 @@ class Parameters(Concept):
     title: Text = entry("", "what the study is about, for headings")
     parameters: Annotated[dict[str, Number], _named("names")] | None = entry(
         None,
-        "numbers by names that the expressions of the file may use, as mu0 in 'mu0*exp(-s/s0)'",
+        "numbers by names that expressions of the file may use, such as mu0 in 'mu0*exp(-s/s0)'",
     )
     mesh: MeshParameters = entry(MeshParameters(), "the body and its mesh")
     discretisation: DiscretisationParameters = entry(
@@ -184,7 +184,7 @@ class Parameters(Concept):
     )
     tables: Annotated[dict[str, TableFile], _named("tables")] | None = entry(
         None,
-        "tables of numbers, used by name as functions of one argument, as ramp(t), in expressions",
+        "tables of numbers, functions of one argument in expressions, such as ramp(t)",
     )
     penalty: PenaltyParameters = entry(PenaltyParameters(), "penalty parameters (25)")
     solver: Settings = entry(Settings(), "the nonlinear and linear solvers")
@@ -200,7 +200,7 @@ class Parameters(Concept):
         "branches.csv and the report",
     )
     sensitivities: SensitivityParameters | None = entry(
-        None, "derivatives of the results by numbers of the file"
+        None, "derivatives of the results with respect to numbers of the file"
     )
     fit: FitParameters | None = entry(
         None, "measured curves that numbers of the file are fitted to"
@@ -296,7 +296,7 @@ class Parameters(Concept):
                 "loads.tractions.0.value",
             )
         if self.sensitivities is not None and not self.sensitivities.to:
-            yield Fault(("sensitivities", "to"), "name the numbers, as to: [friction.coefficient]")
+            yield Fault(("sensitivities", "to"), "name numbers, such as [friction.coefficient]")
         for place, go_together, other in self._pairs():
             if go_together:
                 yield Fault(place, f"does not go with {other}; leave out one of the two")
@@ -328,9 +328,7 @@ class Parameters(Concept):
                 yield (section,), both, f"{name}: other solutions are those of one problem"
         facing = "sensitivities, as derivatives do not see which points face each other"
         for place, contact in self._contact_sections():
-            turns = contact.pair == "each_step" or bool(
-                contact.against and has_steps and not contact.pair
-            )
+            turns = contact.against is not None and contact.pair != "once"
             yield (*place, "pair"), derived and turns, f"{facing}: take once"
 
     def _contact_sections(self) -> list[tuple[Place, Contact]]:
@@ -383,9 +381,9 @@ def _numbers(section: Any) -> dict[str, float]:
 
 def _tables(data: Any, folder: Any) -> dict[str, Tabulated]:
     """The tables that can be read; others are zero, and faults of their own."""
-    given = data.get("tables")
+    sections = data.get("tables")
     tables = {}
-    for name, section in given.items() if isinstance(given, dict) else ():
+    for name, section in sections.items() if isinstance(sections, dict) else ():
         tables[str(name)] = Tabulated([0.0, 1.0], [0.0, 0.0])
         with contextlib.suppress(ValidationError):
             tables[str(name)] = TableFile.model_validate(section, context=folder).table(name)

@@ -102,7 +102,7 @@ class StudyParameters(Concept):
                     yield Fault((kind, key), "a study cannot vary itself")
                     continue
                 if parts[:2] == ["output", "directory"]:
-                    yield Fault((kind, key), "each case has a folder of its own already")
+                    yield Fault((kind, key), "each case already has its own folder")
                     continue
                 try:
                     known_keys(model, parts)
@@ -135,7 +135,7 @@ class Curve(Concept):
 
     file: File = entry(..., "a CSV file with a row of column names, relative to the study file")
     set: dict[str, Any] = entry(
-        {}, "keys of the study file with their values in this experiment, as contact.gap: 0.1"
+        {}, "keys of the study file with their values in this experiment, such as contact.gap: 0.1"
     )
 
 
@@ -184,7 +184,7 @@ class FitParameters(Concept):
         BeforeValidator(_curves, json_schema_input_type=str | tuple[str | Curve, ...]),
     ] = entry(..., "a CSV file, or a list of {file, set}, one for each experiment")
     quantities: dict[str, Text] = entry(
-        ..., "the column of each measured quantity with the quantity, as force: reactions.top.1"
+        ..., "the quantity in each measured column, such as force: reactions.top.1"
     )
     parameters: dict[str, FittedNumber] = entry(
         ..., "the numbers to fit, by their dotted keys, each with {start, bounds, scale}"
@@ -192,9 +192,9 @@ class FitParameters(Concept):
 
     def _faults(self) -> Iterator[Fault]:
         if not self.quantities:
-            yield Fault(("quantities",), "name the columns, as force: reactions.top.1")
+            yield Fault(("quantities",), "name the columns, such as force: reactions.top.1")
         if not self.parameters:
-            yield Fault(("parameters",), "name the numbers to fit, as material.elasticity.young")
+            yield Fault(("parameters",), "name numbers to fit, such as material.elasticity.young")
 
 
 Path = tuple[str, ...]

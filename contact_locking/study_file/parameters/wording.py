@@ -14,13 +14,15 @@ from contact_locking.values.value import entry
 REMOVED_KEYS: dict[str, str] = {
     "bound_meshes": "the error bound is that of the mesh of the study: use a finer mesh",
     "by": "meshes are adapted by the estimate, certificate.errors.mesh; leave the key out",
-    "at_supports": "beside supports R keeps constant pressures, as by keep; leave the key out",
+    "at_supports": "next to supports R always preserves constant pressures, as keep did; leave the "
+    "key out",
     "tilt": "a foundation does not turn by itself: give motion a rotation, or use a stiff body "
     "that touches in its place",
     "limits_of": "limits are those of the whole strain eps(u); leave the key out, and add the "
     "expansion to the limit where the body may expand freely",
     "curved": "all cells have straight sides; use a smaller mesh.h where a side is round",
-    "animation": "there are no animations: ParaView plays the steps of fields.bp",
+    "animation": "there are no animations: ParaView plays the steps of fields.vtkhdf",
+    "formats": "ParaView, PyVista and h5py read fields.vtkhdf; leave the key out",
     "limit_at": "the limit is kept at the vertices of triangles and tetrahedra, hence everywhere, "
     "and at the Gauss points elsewhere; leave the key out",
     "solver.friction": "the friction bound is updated inside the iteration; leave the key out, or "
@@ -66,8 +68,8 @@ _NO_TIES = (
     "their common side, with a region for each"
 )
 _NO_LARGE_STRAIN = (
-    "large strain and turns are not modelled: strains are linear in the displacement; leave it "
-    "out for small ones, and use another program for large ones"
+    "large strains and rotations are not modelled: strains are linear in the displacement; leave "
+    "it out for small ones, and use another program for large ones"
 )
 # Keys that users look for and that there are not, with what to do instead.
 _ABSENT = {

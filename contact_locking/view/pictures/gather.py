@@ -104,13 +104,13 @@ def gather(solution: Solution) -> Snapshot | None:
         "locking_limit": whole(pieces.at_points(solution.locking_limit)),
         "locked": whole(pieces.at_points(solution.locked) >= 0.5),
     }
-    nodal = [(whole(one.surface.points), whole(one.smoothed_stress)) for one in solution.contacts]
+    nodal = [(whole(c.surface.points), whole(c.smoothed_stress)) for c in solution.contacts]
     points, facets, x = solution.contact_points, solution.contact_facets, fields["x"]
     if points is None or facets is None:
         return None
     # At a node of two contacts each has a smoothed stress of its own.
     pairs = zip(points.parts(), nodal, strict=True)
-    smoothed = [values[_nearest(part.x, places)] for part, (places, values) in pairs]
+    smoothed = [values[_nearest(points.x, places)] for points, (places, values) in pairs]
     listed = solution.summary["contacts"]
     numbers = np.unique(points.contact)
     names = tuple(listed[number]["name"] for number in numbers)
@@ -123,8 +123,8 @@ def gather(solution: Solution) -> Snapshot | None:
             _nearest(points.x, x),
             np.concatenate([np.empty(0), *smoothed]),
             names,
-            tuple(drawn_tool(outline(one.tool, one.travel, domain), x) for one in touching),
-            tuple(one.surface.is_paired for one in touching),
+            tuple(drawn_tool(outline(c.tool, c.travel, domain), x) for c in touching),
+            tuple(c.surface.is_paired for c in touching),
         ),
         title=solution.summary.get("title", ""),
         dofs=solution.summary["dofs"],
@@ -147,8 +147,8 @@ def _boundary(
     place, layout = facet_places(domain, facets, cells), space.dofmap.dof_layout
     closures = (layout.entity_closure_dofs(dim - 1, i) for i in range(len(domain.kind.facets)))
     outer = [pieces.facets_within(set(closure)) for closure in closures]
-    owners = np.array([[owner for owner, _ in found] for found in outer])
-    nodes = np.array([[facet for _, facet in found] for found in outer])
+    owners = np.array([[owner for owner, _ in facets] for facets in outer])
+    nodes = np.array([[facet for _, facet in facets] for facets in outer])
     local = space.dofmap.list[cells[:, None, None], nodes[place]]
     return np.repeat(cells, nodes.shape[1]), owners[place].reshape(-1), local.reshape(-1, dim)
 
@@ -180,7 +180,7 @@ def outline(tool: Distance | None, travel: FloatArray, domain: Domain) -> FloatA
         return nothing
     if isinstance(body, FacetedFoundation):
         corners: FloatArray = body.facets.reshape(-1, dim).T
-        corners = tool.motion.place(corners) if isinstance(tool, MovedDistance) else corners
+        corners = tool.motion.moved(corners) if isinstance(tool, MovedDistance) else corners
         return corners.T.reshape(body.facets.shape) + travel
     margin = _BESIDE * float(np.ptp(domain.bounding_box, axis=0).max())
     low, high = domain.bounding_box + np.array([[-margin], [margin]])
@@ -200,8 +200,8 @@ def outline(tool: Distance | None, travel: FloatArray, domain: Domain) -> FloatA
 
         # The lines of contourpy have the larger values on their left.
         lines = contourpy.contour_generator(axes[0], axes[1], values.T).lines(0.0)
-        found = [np.stack([line[:0:-1], line[-2::-1]], axis=1) for line in map(np.asarray, lines)]
-        segments = np.concatenate([nothing, *found])
+        pieces = [np.stack([line[:0:-1], line[-2::-1]], axis=1) for line in map(np.asarray, lines)]
+        segments = np.concatenate([nothing, *pieces])
         return np.asarray(segments[np.any(segments[:, 0] != segments[:, 1], axis=1)])
     import pyvista
 

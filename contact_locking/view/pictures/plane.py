@@ -43,8 +43,8 @@ def draw_tractions(
     """
     lines = curves(facets)
     positions, label = abscissa([points.x[line] for line in lines], units)
-    hidden = ""
-    for s, line in zip(positions, lines, strict=True):
+    for number, (s, line) in enumerate(zip(positions, lines, strict=True)):
+        hidden = "_" if number else ""  # so that the legend has each name once
         bound, pressure = points.bound[line], points.pressure[line]
         friction = along(points.traction[line], points.x[line], s)
         name = hidden + r"friction bound $\pm\mu\,|R\sigma_\nu|$"
@@ -145,14 +145,16 @@ def figure(body: Snapshot, units: style.Units) -> Figure:
     where: dict[str, Any] = {"bbox_to_anchor": (0.5, 0.0), "borderaxespad": 4.0}
     axes.legend(handles=handles, loc="upper center", ncols=len(handles), **where)
     largest = float(body.contact.points.pressure.max(initial=0.0))
-    for number, part in enumerate(contacts):
+    for number, contact in enumerate(contacts):
         top = first + number * each + _LEGEND + _TITLE
         width = _SHEET - _LEFT - _RIGHT / 4
         axes = style.panel(fig, _LEFT, top, width, _TRACTIONS)
         strip = style.panel(fig, _LEFT, top + _TRACTIONS + _BETWEEN, width, _STATES)
-        draw_tractions(axes, strip, part.points, part.facets, units, largest, part.smoothed)
+        draw_tractions(
+            axes, strip, contact.points, contact.facets, units, largest, contact.smoothed
+        )
         title = r"On the contact boundary $\Gamma_C$"
-        if name := part.names[0]:
+        if name := contact.names[0]:
             # A name leaves the title less room beside the legend.
             short = name if len(name) <= _LONGEST_NAME else f"{name[: _LONGEST_NAME - 1]}\u2026"
             # Matplotlib would begin a formula at a dollar sign.
@@ -167,7 +169,7 @@ def _window(body: Snapshot, factor: float) -> FloatArray:
     places = style.deformed(body, factor)
     low, high = places.min(axis=0), places.max(axis=0)
     beside = _BESIDE * float((high - low).max())
-    tools = [tool(part, factor) for part in body.contact.parts()]
+    tools = [tool(contact, factor) for contact in body.contact.parts()]
     points = np.concatenate([places[:0], *(segments.reshape(-1, 2) for segments in tools)])
     near = points[np.all((points >= low - beside) & (points <= high + beside), axis=1)]
     extent = np.ptp(np.vstack([low, high, near]), axis=0)
@@ -219,9 +221,9 @@ def _locked_zone(axes: Axes, x: FloatArray, body: Snapshot) -> list[Patch | Line
 
 def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> Patch:
     look: dict[str, Any] = {"facecolor": style.PALE, "edgecolor": style.GREY, "hatch": "xxxx"}
-    for part in contact.on_foundations():
-        segments = tool(part, factor)
-        drawn = _tools(segments, size) if len(segments) else _ground(part, factor, size)
+    for touching in contact.on_foundations():
+        segments = tool(touching, factor)
+        drawn = _tools(segments, size) if len(segments) else _ground(touching, factor, size)
         for line, outline in drawn:
             axes.add_patch(Polygon(outline, linewidth=0.0, zorder=0.5, **look))
             axes.plot(*line.T, color=style.BLACK, lw=1.4, solid_capstyle="butt", zorder=1.5)
@@ -231,8 +233,8 @@ def _foundation(axes: Axes, contact: ContactMap, factor: float, size: float) -> 
 def _tools(segments: FloatArray, size: float) -> Iterator[tuple[FloatArray, FloatArray]]:
     """The lines of the segments (m, 2, 2), and polygons, or layers on the left of open lines."""
     breaks = 1 + np.flatnonzero(np.any(segments[1:, 0] != segments[:-1, 1], axis=1))
-    for part in np.split(segments, breaks):
-        line = np.vstack([part[:, 0], part[-1:, 1]])
+    for piece in np.split(segments, breaks):
+        line = np.vstack([piece[:, 0], piece[-1:, 1]])
         outline = line
         if not np.array_equal(line[0], line[-1]):
             along = np.gradient(line, axis=0)

@@ -124,31 +124,31 @@ class Scene:
         peaked = len(pressures) > 0 and most > _PEAKED * np.median(pressures)
         norm = PowerNorm(0.5 if peaked else 1.0, vmin=0.0, vmax=most)
         colours = matplotlib.colormaps["cividis"](norm(np.linspace(0.0, most, _SHADES)))
-        part = _surface(self._lifted_contact(), contact.facets)
-        part.point_data["pressure"] = contact.points.pressure
-        part.point_data["touches"] = (contact.points.state != OPEN).astype(float)
+        surface = _surface(self._lifted_contact(), contact.facets)
+        surface.point_data["pressure"] = contact.points.pressure
+        surface.point_data["touches"] = (contact.points.state != OPEN).astype(float)
         half = {"scalars": "touches", "value": 0.5}
-        apart, touching = (part.clip_scalar(invert=invert, **half) for invert in (True, False))
+        apart, touching = (surface.clip_scalar(invert=invert, **half) for invert in (True, False))
         if apart.n_points:
             self._add(apart, color=_APART, lighting=False)
         if touching.n_points:
             how = {"cmap": ListedColormap(colours), "n_colors": _SHADES, "clim": (0.0, most)}
             how |= {"scalars": "pressure", "scalar_bar_args": _BAR, "lighting": False}
             self._add(touching, **how)
-        self._line(part.contour([0.5], scalars="touches"), style.BLACK, _FINE)
-        part.point_data["sticks"] = (contact.points.state == STICK).astype(float)
-        self._cased_line(part.contour([0.5], scalars="sticks"), style.BLUE)
+        self._line(surface.contour([0.5], scalars="touches"), style.BLACK, _FINE)
+        surface.point_data["sticks"] = (contact.points.state == STICK).astype(float)
+        self._cased_line(surface.contour([0.5], scalars="sticks"), style.BLUE)
 
     def states(self) -> None:
         """Gamma_C in the colours of open, stick and slip, on a pale body."""
         self._pale_body()
         contact = self._body.contact
         parts, point = nearest_parts(self._lifted_contact(), contact.facets)
-        part = _loose(parts)
-        part.cell_data["state"] = contact.points.state[point]
+        points = _loose(parts)
+        points.cell_data["state"] = contact.points.state[point]
         how = {"cmap": style.STATES, "n_colors": 3, "clim": (-0.5, 2.5), "lighting": False}
         how |= {"scalars": "state", "annotations": dict(enumerate(STATE_NAMES))}
-        self._add(part, scalar_bar_args=_BAR | {"n_labels": 0}, **how)
+        self._add(points, scalar_bar_args=_BAR | {"n_labels": 0}, **how)
 
     def _lifted_contact(self) -> FloatArray:
         """Points of Gamma_C in front of the body, whose hexahedra have other triangles there."""
@@ -176,8 +176,8 @@ class Scene:
     def _body_but_contact(self, **how: Any) -> None:
         """Add the surface of the body without Gamma_C, whose place another surface takes."""
         contact = self._body.contact
-        own = {frozenset(facet) for facet in contact.vertices[contact.facets]}
-        others = [face for face in self._faces if frozenset(face) not in own]
+        touching = {frozenset(facet) for facet in contact.vertices[contact.facets]}
+        others = [face for face in self._faces if frozenset(face) not in touching]
         if others:
             self._add(_surface(self._x, np.array(others)), **how)
 
@@ -292,10 +292,10 @@ def across(normal: FloatArray) -> FloatArray:
 def side_camera(body: Snapshot, factor: float) -> Camera:
     """The camera of a body and of its foundations."""
     parts = body.contact.parts()
-    grounds = [foundation(part, factor, body.size).reshape(-1, 3) for part in parts]
+    grounds = [foundation(contact, factor, body.size).reshape(-1, 3) for contact in parts]
     points = [body.x, style.deformed(body, factor), *grounds]
     # A tool that is drawn as a whole hides the body less than the ground does.
-    seen = any(len(tool(part, factor)) for part in parts)
+    seen = any(len(tool(contact, factor)) for contact in parts)
     behind = np.zeros(3) if seen else mean_normal(body.contact)
     return camera(np.vstack(points), from_the_side(behind))
 
@@ -321,16 +321,16 @@ def views(body: Snapshot, factor: float) -> dict[str, tuple[Callable[[Scene], No
     """The body, cut open, its locked zone, and each contact: how to draw them, by their titles."""
     side = side_camera(body, factor)
     strain = "|ε(u)| / M" if np.isfinite(body.locking_limit).any() else "|ε(u)|"
-    found: dict[str, tuple[Callable[[Scene], None], Camera]] = {}
-    found[f"Deformed body, {strain}"] = (Scene.deformed_body, side)
-    found[f"Cut open, {strain}"] = (Scene.cut_open, side)
+    makers: dict[str, tuple[Callable[[Scene], None], Camera]] = {}
+    makers[f"Deformed body, {strain}"] = (Scene.deformed_body, side)
+    makers[f"Cut open, {strain}"] = (Scene.cut_open, side)
     if body.locked.any():
-        found["Cells at the strain limit, |ε(u)| ≥ M"] = (Scene.locked_zone, side)
-    for part in body.contact.parts():
-        name, below = part.names[0] and f": {part.names[0]}", contact_camera(body, part, factor)
-        found[f"Contact pressure{name}"] = (Scene.pressure, below)
-        found[f"Open, stick and slip{name}"] = (Scene.states, below)
-    return found
+        makers["Cells at the strain limit, |ε(u)| ≥ M"] = (Scene.locked_zone, side)
+    for each in body.contact.parts():
+        name, below = each.names[0] and f": {each.names[0]}", contact_camera(body, each, factor)
+        makers[f"Contact pressure{name}"] = (Scene.pressure, below)
+        makers[f"Open, stick and slip{name}"] = (Scene.states, below)
+    return makers
 
 
 def render(body: Snapshot) -> dict[str, Image]:

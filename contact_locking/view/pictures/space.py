@@ -79,9 +79,9 @@ def views(body: Snapshot) -> dict[str, Image]:
 
 def environment() -> dict[str, str]:
     """The environment in which the program finds this package as this process has found it."""
-    here = str(Path(__file__).resolve().parents[3])
+    root = str(Path(__file__).resolve().parents[3])
     known = os.environ.get("PYTHONPATH")
-    return os.environ | {"PYTHONPATH": f"{here}{os.pathsep}{known}" if known else here}
+    return os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{known}" if known else root}
 
 
 def _run(words: list[str], folder: str) -> None:

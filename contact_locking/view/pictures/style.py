@@ -48,20 +48,20 @@ class ContactMap:
         """The map of each contact, which has a name if there are several."""
         return [
             ContactMap(
-                self.points[own],
-                facets_within(self.facets, own),
-                self.vertices[own],
-                self.smoothed[own],
+                self.points[rows],
+                facets_within(self.facets, rows),
+                self.vertices[rows],
+                self.smoothed[rows],
                 (self.names[number] if len(self.names) > 1 else "",),
                 (self.tools[number],),
                 (self.bodies[number],),
             )
-            for number, own in enumerate(self.points.rows())
+            for number, rows in enumerate(self.points.rows())
         ]
 
     def on_foundations(self) -> list[ContactMap]:
         """The maps of the contacts with foundations."""
-        return [part for part in self.parts() if not any(part.bodies)]
+        return [contact for contact in self.parts() if not any(contact.bodies)]
 
 
 @dataclass(frozen=True)
@@ -193,8 +193,8 @@ def foundation(contact: ContactMap, factor: float, size: float) -> FloatArray:
 
 def facets_within(facets: IntArray, rows: slice) -> IntArray:
     """The facets (m, d) of the contact with these rows, as numbers of the points of the contact."""
-    own = (facets[:, 0] >= rows.start) & (facets[:, 0] < rows.stop)
-    return facets[own] - rows.start
+    inside = (facets[:, 0] >= rows.start) & (facets[:, 0] < rows.stop)
+    return facets[inside] - rows.start
 
 
 # Okabe and Ito's palette.
@@ -287,12 +287,12 @@ def magnification(body: Snapshot) -> float:
     """
     largest = float(np.linalg.norm(body.displacement, axis=1).max(initial=0.0))
     share = largest / body.size
-    curved = any(np.ptp(part.points.gap) > 1e-9 * body.size for part in body.contact.parts())
+    curved = any(np.ptp(contact.points.gap) > 1e-9 * body.size for contact in body.contact.parts())
     if curved or not 0.0 < share < _VISIBLE:
         return 1.0
-    wanted = _SHOWN / share
-    power = 10.0 ** np.floor(np.log10(wanted))
-    return power * max(step for step in (1, 2, 5) if step * power <= wanted)
+    aim = _SHOWN / share
+    power = 10.0 ** np.floor(np.log10(aim))
+    return power * max(step for step in (1, 2, 5) if step * power <= aim)
 
 
 def scale_words(factor: float) -> str:

@@ -58,19 +58,19 @@ def read_all(folder: Path) -> list[RunResults | StudyResults]:
     Raises InputError if the folder has no results, or those of another version.
     """
     if not folder.is_dir():
-        there = "is no folder" if folder.exists() else "there is no such folder"
-        raise InputError(f"{folder}: {there}; give the folder of a run or of a study")
-    found: list[RunResults | StudyResults] = []
+        problem = "is no folder" if folder.exists() else "there is no such folder"
+        raise InputError(f"{folder}: {problem}; give the folder of a run or of a study")
+    results: list[RunResults | StudyResults] = []
     if (folder / names.SUMMARY).exists():
-        found.append(_run(folder))
+        results.append(_run(folder))
     if (folder / names.TABLE_LINES).exists():
-        found.append(_study(folder))
-    if not found:
+        results.append(_study(folder))
+    if not results:
         raise InputError(
             f"{folder}: holds no results: neither {names.SUMMARY} of a finished run nor "
             f"{names.TABLE_LINES} of a study"
         )
-    return found
+    return results
 
 
 def read_rows(path: Path) -> list[Row]:

@@ -53,16 +53,16 @@ def shown(value: Any) -> str:
         case list():
             return "(" + ", ".join(map(shown, _without_rounding(value))) + ")"
         case dict():
-            return ", ".join(f"{key}: {shown(item)}" for key, item in value.items())
+            return ", ".join(f"{key}: {shown(entry)}" for key, entry in value.items())
     return str(value)
 
 
 def _without_rounding(vector: list[Any]) -> list[Any]:
     """The vector with zero for components that rounding alone keeps from zero."""
-    if not vector or not all(isinstance(item, float) for item in vector):
+    if not vector or not all(isinstance(number, float) for number in vector):
         return vector
     largest = max(map(abs, vector))
-    return [0.0 if abs(item) < 1e-12 * largest else item for item in vector]
+    return [0.0 if abs(number) < 1e-12 * largest else number for number in vector]
 
 
 def _number(value: float) -> str:
@@ -121,7 +121,7 @@ def title(key: str) -> str:
         if of in QUANTITIES:
             place = f", {QUANTITIES[of].at}" if of != above else ""
             return f"{QUANTITIES[of].name}{place}, {AXES[int(last)]}"
-    words = [part for part in key.split(".") if part not in _UNSAID] or [key]
+    words = [word for word in key.split(".") if word not in _UNSAID] or [key]
     return " ".join(words).replace("_", " ")
 
 
@@ -130,8 +130,8 @@ def titles_in(keys: Sequence[str], data: Any) -> dict[str, str]:
 
     Such as ``traction on top, y`` for ``loads.tractions.0.value.1``.
     """
-    found = [_title_in(key.split("."), data) for key in keys]
-    return dict(zip(keys, found if len(set(found)) == len(found) else keys, strict=True))
+    titles = [_title_in(key.split("."), data) for key in keys]
+    return dict(zip(keys, titles if len(set(titles)) == len(titles) else keys, strict=True))
 
 
 def _title_in(parts: list[str], data: Any) -> str:
@@ -142,7 +142,7 @@ def _title_in(parts: list[str], data: Any) -> str:
         return f"{_title_in(above, data)}, {axis}"
     match parts:
         case ["loads", kind, index, *rest] if index.isdecimal() and kind.endswith("s"):
-            what = " ".join([kind.removesuffix("s"), *(part for part in rest if part != "value")])
+            what = " ".join([kind.removesuffix("s"), *(word for word in rest if word != "value")])
             return f"{what} on {_on(data, parts[:2], index)}".replace("_", " ")
         case ["contact", index, *rest] if index.isdecimal() and rest:
             what = _title_in(["contact", *rest], data)

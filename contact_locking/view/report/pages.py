@@ -37,11 +37,11 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     """The HTML document of a run and its charts."""
     summary = run.summary
     contacts, units = [*by_name(summary.get("contacts", []))], summary.get("units", {})
-    wanted = look_up(source.read(run.folder / PARAMETERS).data, "output.charts") or []
+    charts_asked = look_up(source.read(run.folder / PARAMETERS).data, "output.charts") or []
     parts = certificate(summary)
-    holds = [entry["holds"] for part in parts for entry in part.judged.values()]
+    holds = [entry["holds"] for section in parts for entry in section.judged.values()]
     of_contacts = contact_charts(run)
-    steps = wanted_charts(wanted, [Process(run.history)], contacts, units)
+    steps = wanted_charts(charts_asked, [Process(run.history)], contacts, units)
     charts = {
         "steps": steps + history_charts(run.history, contacts, units),
         "fit": [] if run.fit is None else fit_charts(run.fit),
@@ -77,7 +77,7 @@ def _derivatives(summary: Mapping[str, Any]) -> list[tuple[str, str, Any, Any]]:
         (result, key, entry["derivative"], entry["elasticity"])
         for result, entries in summary.get("sensitivities", {}).items()
         for key, entry in sorted(
-            entries.items(), key=lambda item: -abs(item[1]["elasticity"] or 0.0)
+            entries.items(), key=lambda pair: -abs(pair[1]["elasticity"] or 0.0)
         )
     ]
 
@@ -92,22 +92,22 @@ class Part(NamedTuple):
 
 def certificate(summary: Mapping[str, Any]) -> list[Part]:
     """The parts of a summary's certificate that hold anything, whatever their names."""
-    found = []
-    for name, part in summary.get("certificate", {}).items():
-        judged = {k: v for k, v in part.items() if isinstance(v, dict) and "holds" in v}
-        others = {key: entry for key, entry in part.items() if key not in judged}
-        found.append(Part(name.replace("_", " ").capitalize(), judged, dict(_flat(others))))
-    return [part for part in found if part.judged or part.others]
+    sections = []
+    for name, section in summary.get("certificate", {}).items():
+        judged = {k: v for k, v in section.items() if isinstance(v, dict) and "holds" in v}
+        others = {key: entry for key, entry in section.items() if key not in judged}
+        sections.append(Part(name.replace("_", " ").capitalize(), judged, dict(_flat(others))))
+    return [section for section in sections if section.judged or section.others]
 
 
 def _flat(value: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
     """The values of nested mappings under their dotted names."""
-    for last, item in value.items():
+    for last, entry in value.items():
         name = f"{above}{last}"
-        if isinstance(item, dict):
-            yield from _flat(item, f"{name}.")
+        if isinstance(entry, dict):
+            yield from _flat(entry, f"{name}.")
         else:
-            yield name, item
+            yield name, entry
 
 
 # The keys of a summary about the work of the solver.
@@ -121,7 +121,7 @@ _Numbers = list[tuple[Quantity, list[tuple[Any, Any]]]]
 
 def _numbers(summary: Mapping[str, Any], units: Mapping[str, str]) -> _Numbers:
     several = len(summary.get("contacts", [])) > 1
-    found = [
+    numbers = [
         (quantity, [(value, summary.get(f"{key}_at"))])
         for key, quantity in of_result((), units).items()
         if quantity.of != "solver" and (value := look_up(summary, key)) is not None
@@ -129,7 +129,7 @@ def _numbers(summary: Mapping[str, Any], units: Mapping[str, str]) -> _Numbers:
         if not (several and quantity.of == "contact")
     ]
     meaning, force = "resultant of the reactions on the body", units.get("force", "force")
-    return found + [
+    return numbers + [
         (Quantity(f"reactions.{name}", f"reaction on {name}", meaning, force), [(value, None)])
         for name, value in summary.get("reactions", {}).items()
     ]
@@ -156,7 +156,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
     texts = VariedTexts(rows, titles_in(keys, data))
     # The names of the contacts if the cases have several, by the columns of their table.
     named = (re.fullmatch(r"contacts\.([^.]+)\.name", name) for row in rows for name in row)
-    contacts = [*dict.fromkeys(one[1] for one in named if one)]
+    contacts = [*dict.fromkeys(keys[1] for keys in named if keys)]
     # The labels of units are those of all cases.
     first: Row = next((row for row in rows if row.get("units.length")), {})
     units = {k.removeprefix("units."): str(first[k]) for k in first if k.startswith("units.")}
@@ -170,8 +170,8 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
             image = embedded(folder / PICTURE, _THUMBNAIL_WIDTH, _THUMBNAIL_COLOURS)
             state = "" if row["state"] == "converged" else f" ({row['state']})"
             pictures.setdefault(row["case"], (image, f"{label}{state}"))
-    wanted = look_up(data, "output.charts") or []
-    over_steps = wanted_charts(wanted, processes, contacts, units)
+    charts_asked = look_up(data, "output.charts") or []
+    over_steps = wanted_charts(charts_asked, processes, contacts, units)
     drawn = [
         (trend, trend_charts(trend))
         for axis in axes(what, rows, texts.titles)
@@ -228,13 +228,13 @@ def cases(
     names = [name for name in dict.fromkeys(itertools.chain(*rows)) if name not in _NOT_BETWEEN]
     others = [name for name in names if name not in front and _differs(name, rows, quantities)]
     order = [*front, *others, "case"]
-    found = []
+    entries = []
     for row, remark in zip(rows, remarks, strict=True):
         shown_texts = {name: shown(row.get(name)) for name in order}
         shown_texts |= dict(zip(keys, texts.of(row, keys), strict=True)) | {REMARKS: remark}
         kind = _ROW_KIND.get(str(row["state"]), "failed")
-        found.append((kind, [shown_texts[name] for name in order]))
-    return CaseTable([(name, texts.titles.get(name) or title(name)) for name in order], found)
+        entries.append((kind, [shown_texts[name] for name in order]))
+    return CaseTable([(name, texts.titles.get(name) or title(name)) for name in order], entries)
 
 
 def _remark(row: Row) -> str:
@@ -242,15 +242,15 @@ def _remark(row: Row) -> str:
     if not row.get("converged"):
         return " ".join(shown(row[key]) for key in ("reason", "suggestion") if row.get(key))
     weak, warnings = weakest(row), row.get("warnings")
-    told = [f"rough: {weak.words}"] if weak is not None and weak.is_rough else []
-    return "; ".join([*told, f"warning: {warnings}"] if warnings else told)
+    remarks = [f"rough: {weak.words}"] if weak is not None and weak.is_rough else []
+    return "; ".join([*remarks, f"warning: {warnings}"] if warnings else remarks)
 
 
 def _differs(name: str, rows: Sequence[Row], quantities: Mapping[str, Quantity]) -> bool:
     """Whether a column has a quantity that differs by more than rounding."""
     vector = name.rpartition(".")[0] if name[-1:].isdecimal() else ""
-    found = quantities.get(name) or quantities.get(vector)
-    if found is None or found.trend is None or found.of == "solver":
+    quantity = quantities.get(name) or quantities.get(vector)
+    if quantity is None or quantity.trend is None or quantity.of == "solver":
         return False
     values = [number(row.get(name)) for row in rows if row.get("converged") is True]
     known = [value for value in values if value is not None]

@@ -26,13 +26,13 @@ from .page import Chart, Curve, drawing, drawn, gridded, legend_height, name_cur
 
 def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
     """The charts of each contact in the plane, with its name if there are several."""
-    found: list[tuple[str, list[Chart]]] = []
+    charts_by_contact: list[tuple[str, list[Chart]]] = []
     if run.contact.dim == 3:
-        return found  # the picture shows them
+        return charts_by_contact  # the picture shows them
     rows, units = run.contact.rows(), run.summary.get("units", {})
     largest = float(run.contact.pressure.max(initial=0.0))
-    for number, own in enumerate(rows, start=1):
-        points, facets = run.contact[own], facets_within(run.facets, own)
+    for number, in_contact in enumerate(rows, start=1):
+        points, facets = run.contact[in_contact], facets_within(run.facets, in_contact)
         name = run.summary["contacts"][points.contact[0]]["name"] if len(rows) > 1 else ""
         ending, of = (f"-{number}", f": {name}") if len(rows) > 1 else ("", "")
         charts: list[Chart] = []
@@ -46,8 +46,8 @@ def contact_charts(run: RunResults) -> list[tuple[str, list[Chart]]]:
         about = f"Tangential displacement and distance to the foundation {along}"
         with drawn(charts, f"slip{ending}", about, 2.6) as figure:
             _opening(figure, points, facets, units)
-        found.append((name, charts))
-    return found
+        charts_by_contact.append((name, charts))
+    return charts_by_contact
 
 
 def _opening(figure: Figure, contact: ContactPoints, facets: IntArray, units: Units) -> None:
@@ -102,12 +102,12 @@ class Column:
 def column_of(name: str, contacts: Sequence[str]) -> Column:
     """The column of a name, in the history of a body whose contacts have these names."""
     stem, _, axis = name.rpartition("_")
-    for own, ending in ((name, ""), (stem if axis in AXES else "", f", {axis}")):
-        if own in QUANTITIES:
-            return Column(f"{QUANTITIES[own].name}{ending}", QUANTITIES[own].unit, QUANTITIES[own])
+    for word, ending in ((name, ""), (stem if axis in AXES else "", f", {axis}")):
+        if quantity := QUANTITIES.get(word):
+            return Column(f"{quantity.name}{ending}", quantity.unit, quantity)
         for contact in contacts:
-            key = own.removesuffix(f"_{contact}")
-            if key != own and key in QUANTITIES:
+            key = word.removesuffix(f"_{contact}")
+            if key != word and key in QUANTITIES:
                 title = f"{QUANTITIES[key].name} on {contact}{ending}"
                 return Column(title, QUANTITIES[key].unit, QUANTITIES[key], contact)
     for key, (words, unit) in _OTHERS.items():
@@ -168,7 +168,7 @@ class Process:
 
 
 def wanted_charts(
-    wanted: Sequence[Mapping[str, Any]],
+    entries: Sequence[Mapping[str, Any]],
     processes: Sequence[Process],
     contacts: Sequence[str],
     units: Units,
@@ -177,29 +177,29 @@ def wanted_charts(
 
     Raises InputError for a column that there is not.
     """
-    found: list[Chart] = []
-    for number, one in enumerate(wanted):
+    charts: list[Chart] = []
+    for number, row in enumerate(entries):
         curves = []
         for process in processes:
             history = process.history.converged()
             if len(history) > 1:
                 key = f"output.charts.{number}"
                 x, y = (
-                    with_key(f"{key}.{axis}", partial(history.values, one[axis])) for axis in "xy"
+                    with_key(f"{key}.{axis}", partial(history.values, row[axis])) for axis in "xy"
                 )
                 curves.append(Curve(process.label, x, y))
-        x_label, y_label = (_label(one[axis], contacts, units) for axis in "xy")
+        x_label, y_label = (_label(row[axis], contacts, units) for axis in "xy")
         if curves:
-            stem = re.sub(r"[^A-Za-z0-9._-]+", "_", f"chart-{number}-{one['y']}-over-{one['x']}")
+            stem = re.sub(r"[^A-Za-z0-9._-]+", "_", f"chart-{number}-{row['y']}-over-{row['x']}")
             height = 3.6 + legend_height(sum(bool(curve.label) for curve in curves))
-            about = f"{one['y']} over {one['x']}"
-            with drawn(found, stem, about, height) as figure:
+            about = f"{row['y']} over {row['x']}"
+            with drawn(charts, stem, about, height) as figure:
                 axes = gridded(figure, plain(x_label), plain(y_label))
                 for curve in curves:
                     look = drawing(curves, curve.label) | {"ms": 2.5}
                     axes.plot(curve.x, curve.y, label=plain(curve.label), **look)
                 name_curves(figure)
-    return found
+    return charts
 
 
 def _label(text: str, contacts: Sequence[str], units: Units) -> str:

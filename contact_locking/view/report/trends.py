@@ -119,7 +119,7 @@ def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str])
 
     ``titles`` names the keys.
     """
-    found = []
+    varied = []
     for key in (*study.zip, *study.vary):
         values = [number(row.get(key)) for row in rows]
         finite = sorted({value for value in values if value is not None and np.isfinite(value)})
@@ -131,8 +131,8 @@ def axes(study: StudyParameters, rows: Sequence[Row], titles: Mapping[str, str])
         enough = len(finite) >= _FEWEST and finite[0] > 0.0
         one_ratio = enough and _has_one_ratio(finite)
         geometric = enough and (one_ratio or finite[-1] / _WIDE >= finite[0])
-        found.append(Axis(key, others, geometric, one_ratio, titles[key]))
-    return sorted(found, key=lambda axis: not axis.geometric)
+        varied.append(Axis(key, others, geometric, one_ratio, titles[key]))
+    return sorted(varied, key=lambda axis: not axis.geometric)
 
 
 def trends(
@@ -143,21 +143,21 @@ def trends(
     for row in rows:
         if row.get("converged") is True:
             groups.setdefault(texts.label(row, axis.others), []).append(row)
-    found = []
+    result = []
     for quantity in (quantity for quantity in quantities.values() if quantity.trend):
         curves = [_curve(axis, quantity, members, texts) for members in groups.values()]
         curves = [curve for curve in curves if len(curve.x)]
         if any(differ(curve.y) for curve in curves):
-            found.append(_trend(quantity, axis, curves))
-    return found
+            result.append(_trend(quantity, axis, curves))
+    return result
 
 
 def differ(values: Sequence[float] | FloatArray) -> bool:
     """Whether numbers differ by more than rounding and the tolerance of the solver explain."""
-    given = np.asarray(values, dtype=float)
-    if not np.isfinite(given).all():
-        return len(np.unique(given)) > 1
-    return bool(np.ptp(given) > _ROUNDING * np.abs(given).max())
+    numbers = np.asarray(values, dtype=float)
+    if not np.isfinite(numbers).all():
+        return len(np.unique(numbers)) > 1
+    return bool(np.ptp(numbers) > _ROUNDING * np.abs(numbers).max())
 
 
 def _value(quantity: Quantity, row: Row) -> float | None:
@@ -165,7 +165,7 @@ def _value(quantity: Quantity, row: Row) -> float | None:
     if quantity.key in row:
         return number(row[quantity.key])
     parts = [number(row.get(f"{quantity.key}.{index}")) for index in range(3)]
-    present = [part for part in parts if part is not None]
+    present = [component for component in parts if component is not None]
     return float(np.linalg.norm(present)) if present else None
 
 
@@ -196,8 +196,8 @@ def _trend(quantity: Quantity, axis: Axis, curves: list[Curve]) -> Trend:
     elif axis.one_ratio and settles:
         # |q(x) - q(next x)| falls at the rate of the error in a geometric sequence.
         differences = [_differences(c, c.x[:-1], np.abs(np.diff(c.y))) for c in curves]
-    told = [difference for difference in differences if len(difference.x) > 1]
-    return Trend(quantity, axis, curves, told, compared)
+    shown = [difference for difference in differences if len(difference.x) > 1]
+    return Trend(quantity, axis, curves, shown, compared)
 
 
 def _differences(curve: Curve, x: FloatArray, y: FloatArray) -> Differences:
