@@ -57,7 +57,7 @@ class Misplaced(InputError):
 class ProcessEnded(InputError):
     """Data cannot be used at a time, so that a process ends with the solution before.
 
-    ``entries`` are those of the summary of this solution that tell so.
+    ``entries`` are those of the summary of this solution that say so.
     """
 
     def __init__(self, message: str, key: str | None, entries: Mapping[str, Any]) -> None:
@@ -140,7 +140,7 @@ def is_full(error: OSError) -> bool:
     return error.errno in _FULL
 
 
-def tells_of_full_disk(text: str) -> bool:
+def reports_full_disk(text: str) -> bool:
     """Whether an error that another process has printed is one of `is_full`."""
     return any(os.strerror(number) in text for number in _FULL)
 

@@ -46,7 +46,7 @@ def staging(directory: Path) -> Iterator[Path]:
         os.close(mark)
 
 
-def put_in_place(new: Path, place: Path) -> None:
+def replace_file(new: Path, place: Path) -> None:
     """Move a file or folder from a staging folder to ``place``, and replace what is there.
 
     If ``new`` does not exist, ``place`` is removed.  Raises OSError.
