@@ -241,7 +241,7 @@ def test_a_derivative_is_refused_with_its_reason(make: Make) -> None:
         solution.derivative("locked_fraction", made.given["E"])
     with pytest.raises(cl.InputError, match=r"no quantity 'complience'.*compliance"):
         solution.derivative("complience", made.given["E"])
-    with pytest.raises(cl.InputError, match="not by float"):
+    with pytest.raises(cl.InputError, match="not float"):
         solution.derivative("compliance", 1.0)
     fresh = made.problem.solve()
     made.given["E"].value = 2.0
