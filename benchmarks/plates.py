@@ -23,7 +23,7 @@ from mpi4py import MPI
 
 import contact_locking as cl
 from contact_locking.mesh.parts import NamedFacets
-from contact_locking.solver.ksp import chosen
+from contact_locking.solver.ksp import is_direct
 
 LENGTH, GAP = 200.0, 0.2
 
@@ -66,7 +66,7 @@ def main() -> None:
     mesh, counts = solution.displacement.function_space.mesh, solution.summary["iterations"]
     unknowns = solution.summary["dofs"]
     compact = NamedFacets(mesh).domain().compact_size(unknowns, given.degree)
-    linear = chosen(given.linear, 3, compact)
+    linear = "direct" if is_direct(given.linear, 3, compact) else "iterative"
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
     shape = " x ".join(map(str, given.cells))
     print(

@@ -57,10 +57,10 @@ class Tangents(WallClock):
             self.rows[-1][1][0] += time.perf_counter() - began
 
         def solve_and_note(solver: MultigridTangents, *given: Any, **named: Any) -> None:
-            began, before = time.perf_counter(), solver.iterations
+            began, before = time.perf_counter(), solver.counts.linear
             solve(solver, *given, **named)
             _, seconds, counts = self.rows[-1]
-            counts.append(solver.iterations - before)
+            counts.append(solver.counts.linear - before)
             seconds[1] += time.perf_counter() - began
             self.rows[-1] = (preconditioner(solver._multigrid), seconds, counts)
 

@@ -142,8 +142,7 @@ class ContactProblem:
             others=others,
             own_energy=energy,
         )
-        penalty = _penalty(n, compliance)
-        self._discrete = DiscreteProblem(body, contacts, penalty, Clock(space.mesh))
+        self._discrete = DiscreteProblem(body, contacts, _penalty(n, compliance), Clock(space.mesh))
         for contact in self._discrete.contacts:
             contact.require_friction()
         self._settings, self._monitor = settings or Settings(), monitor
@@ -166,6 +165,7 @@ class ContactProblem:
 
     @property
     def domain(self) -> Domain:
+        """The mesh with its named boundary parts."""
         return self._discrete.domain
 
     def solve(
@@ -188,9 +188,7 @@ class ContactProblem:
         solver, report = self.solver, self.report(after, start)
         # Derivatives of a step need those of the memory that it began with.
         derivatives = solver.derivatives(report) if after is None else None
-        solution = solver.solution(
-            solver.state(report), None, extras, derivatives, certificate=certificate
-        )
+        solution = solver.solution(solver.state(report), None, extras, derivatives, certificate)
         return solution.with_warnings(*solver.unused_options())
 
     def report(self, after: Solution | None = None, start: Solution | None = None) -> Outcome:

@@ -57,7 +57,7 @@ class Misplaced(InputError):
 class ProcessEnded(InputError):
     """Data cannot be used at a time, so that a process ends with the solution before.
 
-    ``entries`` are those of the summary of this solution that tell so.
+    ``entries`` are those of the summary of this solution that say so.
     """
 
     def __init__(self, message: str, key: str | None, entries: Mapping[str, Any]) -> None:
@@ -117,13 +117,6 @@ def interrupt_behind(error: BaseException) -> BaseException | None:
     return None
 
 
-def raise_interrupt(error: BaseException) -> None:
-    """Raise the interruption again if ``error`` stands in its place."""
-    interrupt = interrupt_behind(error)
-    if interrupt is not None:
-        raise interrupt from None
-
-
 def raise_callback_error(error: Exception) -> None:
     """Raise the exception of a callback again if the ``error`` of a library stands in its place.
 
@@ -132,7 +125,8 @@ def raise_callback_error(error: Exception) -> None:
     # `--help` reports errors, too, and NumPy would take most of its time.
     from numpy.linalg import LinAlgError
 
-    raise_interrupt(error)
+    if (interrupt := interrupt_behind(error)) is not None:
+        raise interrupt from None
     cause = error.__cause__
     while cause is not None and type(cause) is type(error):
         cause = cause.__cause__
@@ -146,7 +140,7 @@ def is_full(error: OSError) -> bool:
     return error.errno in _FULL
 
 
-def tells_of_full_disk(text: str) -> bool:
+def reports_full_disk(text: str) -> bool:
     """Whether an error that another process has printed is one of `is_full`."""
     return any(os.strerror(number) in text for number in _FULL)
 

@@ -19,7 +19,7 @@ import shutil
 import socket
 import stat
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from contact_locking.errors import InputError
@@ -46,7 +46,7 @@ def staging(directory: Path) -> Iterator[Path]:
         os.close(mark)
 
 
-def put_in_place(new: Path, place: Path) -> None:
+def replace_file(new: Path, place: Path) -> None:
     """Move a file or folder from a staging folder to ``place``, and replace what is there.
 
     If ``new`` does not exist, ``place`` is removed.  Raises OSError.
@@ -317,10 +317,23 @@ def place_of(column: str, header: list[str], path: Path) -> int:
     return header.index(column)
 
 
-def number_at(place: int, row: list[str]) -> tuple[float, str]:
-    """The number in a row, NaN if there is none, and the text that stands there."""
-    text = row[place].strip() if place < len(row) else ""
-    try:
-        return float(text), text[:40]
-    except ValueError:
-        return math.nan, text[:40]
+def numbers_in(
+    rows: Iterable[list[str]], columns: Mapping[str, int], path: Path
+) -> list[list[float]]:
+    """The numbers of columns, names with their places, in the rows that are not empty.
+
+    Raises InputError with the row and the column of text that is no finite number.
+    """
+    numbers: list[list[float]] = []
+    for line, row in enumerate(rows, 2):
+        if any(cell.strip() for cell in row):
+            numbers.append([])
+            for name, place in columns.items():
+                text, value = row[place].strip() if place < len(row) else "", math.nan
+                with contextlib.suppress(ValueError):
+                    value = float(text)
+                if not math.isfinite(value):
+                    message = f"{name}: {text[:40]!r} is no finite number"
+                    raise InputError(f"{path}, row {line}, {message}")
+                numbers[-1].append(value)
+    return numbers

@@ -89,8 +89,6 @@ TEXTS = {
     "against, but are paired as in the undeformed mesh: leave out pair: once",
     "contact.unsettled": "the pairing of the bodies still changes after {solves} solves: normals "
     "and gaps are accurate to some per cent; use smaller steps, or support the bodies better",
-    "solver.factorised": "the iterative solver of solver.linear did not converge; the direct "
-    "solver was used instead",
     "solver.unused_options": "PETSc has not used these options: {names} (solver.petsc, or after "
     "--)",
     "kappa.constants": "displacements are prescribed at Gamma_C, as at {place}, and R preserves "

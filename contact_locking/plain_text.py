@@ -69,11 +69,6 @@ def gigabytes(size: float) -> str:
     return f"{value:.1f} GB" if value < 9.95 else f"{value:.0f} GB"
 
 
-def defect(error: Exception) -> str:
-    """The message of an error about unreadable data."""
-    return f"without {error}" if isinstance(error, KeyError) else str(error) or "unreadable"
-
-
 def nearest(name: str, known: Iterable[str]) -> str:
     """The hint at the known name that is most like ``name``; empty if no name is like it.
 

@@ -83,7 +83,7 @@ if points is not None:
     names = np.array(["open", "stick", "slip"])
     for i in np.linspace(0, len(points.x) - 1, 11).astype(int):
         print(
-            f"x = {points.x[i, 0]:.2f}  {names[points.state[i]]:5}  "
+            f"x = {abs(points.x[i, 0]):.2f}  {names[points.state[i]]:5}  "
             f"pressure {points.pressure[i]:.5f}  friction {points.traction[i, 0]:+.5f}  "
             f"bound {points.bound[i]:.5f}"
         )

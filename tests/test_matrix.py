@@ -68,7 +68,7 @@ EXCLUDED: dict[tuple[Item, Item], str | None] = {
     (("contact", "gap"), ("foundation", "on a spring")): None,
     **{(("contact", a), ("foundation", b)): None for a in _BODIES for b in _MOVING},
     (("time", "steps"), ("with", "adaptive meshes")): "adapt",
-    **{(("contact", bodies), ("with", "derivatives")): None for bodies in _BODIES[:2]},
+    **{(("contact", bodies), ("with", "derivatives")): "contact.pair" for bodies in _BODIES[:2]},
     (("solver", "penalty"), ("n", "infinite")): "penalty.n",
     (("solver", "penalty"), ("element", "P2")): "discretisation.degree",
     (("solver", "penalty"), ("element", "Q1")): "mesh.cells",

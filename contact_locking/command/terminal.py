@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import io
 import os
 import pwd
@@ -236,6 +237,8 @@ class TerminalMonitor(Monitor):
     """
 
     def __init__(self) -> None:
+        # Adapted meshes repeat warnings.
+        self._complain_once = functools.cache(complain)
         self._step = self._stage = ""
         self._iterations = self._krylov = 0
         # Tangents and friction updates of the solve, and those of the stages before this one.
@@ -246,7 +249,7 @@ class TerminalMonitor(Monitor):
 
     def message(self, text: str) -> None:
         if text.startswith("warning"):
-            complain(text)
+            self._complain_once(text)
             return
         self.finish()
         self._line(text)
@@ -289,12 +292,10 @@ class TerminalMonitor(Monitor):
     def finish(self) -> None:
         if not self._stage:
             return
-        tangents, updates = (
-            now - then for now, then in zip(self._counts, self._before, strict=True)
-        )
-        counts = count(tangents, "tangent")
-        if updates:
-            counts += f", {count(updates, 'friction update')}"
+        (tangents, updates), (last_tangents, last_updates) = self._counts, self._before
+        counts = count(tangents - last_tangents, "tangent")
+        if updates > last_updates:
+            counts += f", {count(updates - last_updates, 'friction update')}"
         seconds = time.perf_counter() - self._began
         self._line(f"{self._stage}  {counts}{self._residual_in_words()}, {seconds:.1f} s")
         self._stage, self._before = "", self._counts

@@ -176,10 +176,10 @@ class Lookup:
         """Whether the argument is the variable of this name alone."""
         return self.argument == Name(name)
 
-    def clamped(self, **variables: Any) -> Any:
-        """The values in NumPy, outside of the table that of its nearest point."""
+    def argument_at(self, **variables: Any) -> Any:
+        """The values of the argument in NumPy."""
         with np.errstate(all="ignore"):
-            return self.table.clamped(_evaluate(self.argument, NUMPY, variables, _value))
+            return _evaluate(self.argument, NUMPY, variables, _value)
 
 
 Node = Number | Name | Apply | Lookup

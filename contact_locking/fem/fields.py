@@ -327,7 +327,7 @@ class PresentValue:
         now = self.clock.now
         for data, coefficient in self._coefficients.items():
             if isinstance(coefficient, fem.Constant):
-                coefficient.value = data.clamped(**{TIME: now})
+                coefficient.value = data.table.clamped(data.argument_at(**{TIME: now}))
             else:
                 coefficient.interpolate(partial(self._at, data, time=now))
 
@@ -363,4 +363,4 @@ class PresentValue:
         if isinstance(data, Value):
             return data.at(x[: self.clock.mesh.geometry.dim], time)
         places: dict[str, Any] = dict(zip(AXES, x, strict=False))
-        return data.clamped(**places, **{TIME: time}) + 0.0 * x[0]
+        return data.table.clamped(data.argument_at(**places, **{TIME: time})) + 0.0 * x[0]

@@ -191,7 +191,7 @@ def share_at_change(equations: Equations) -> dict[str, float]:
 def _judged(family: Family, stiffness: float, comm: MPI.Intracomm) -> tuple[str, BoolArray]:
     """The kind of a family, and its points near a change; collective."""
 
-    def untold(room: FloatArray, force: FloatArray) -> BoolArray:
+    def undecided(room: FloatArray, force: FloatArray) -> BoolArray:
         """Where neither of two stresses is small beside the other."""
         return np.asarray(np.minimum(room, force) > _TOLD * np.maximum(room, force))
 
@@ -202,7 +202,7 @@ def _judged(family: Family, stiffness: float, comm: MPI.Intracomm) -> tuple[str,
         reserve = bound - norm(family.z[1:])
         holds = bound > _NEAR * maximum(comm, bound)
         near = (slip <= _NEAR * maximum(comm, slip)) & (reserve <= _NEAR * bound)
-        return "friction", np.asarray(holds & (near | untold(stiffness * slip, reserve)))
+        return "friction", np.asarray(holds & (near | undecided(stiffness * slip, reserve)))
     kind = "contact" if isinstance(family, ContactCones) else "strain"
     if not family.takes_part:
         # The multipliers of an elastic solution are zero; these points are nearly reached.
@@ -216,4 +216,4 @@ def _judged(family: Family, stiffness: float, comm: MPI.Intracomm) -> tuple[str,
     else:
         room, force, size = family.x[0] - norm(family.x[1:]), family.z[0], family.x[0]
     near = (room <= _NEAR * size) & (force <= _NEAR * maximum(comm, force))
-    return kind, np.asarray(near | untold(stiffness * room, force))
+    return kind, np.asarray(near | undecided(stiffness * room, force))

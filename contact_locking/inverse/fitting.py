@@ -113,7 +113,7 @@ def _write(target: Path, content: dict[str, Any]) -> str | None:
         except ImportError as error:
             problem = f"no picture of the fit was drawn: {error.name} cannot be imported"
         for name in (FIT, FIT_PICTURE):
-            files.put_in_place(made / name, target / name)
+            files.replace_file(made / name, target / name)
     return problem
 
 
@@ -173,7 +173,7 @@ class Search:
         self._model, self._variables, self._monitor = model, variables, monitor
         self._keys = [variable.key for variable in variables]
         self._evaluations: dict[tuple[float, ...], list[Evaluation]] = {}
-        self._said: list[str] = []
+        self._remarks: list[str] = []
         #: The evaluations of the model so far, those without a solution among them.
         self.evaluations = 0
 
@@ -182,13 +182,13 @@ class Search:
         self._begin()
         compared = self.compared(self._start)
         for curve in compared:
-            self._say(about_units(curve.name, curve.data, curve.model))
+            self._warn(about_units(curve.name, curve.data, curve.model))
         if not self._model.derives:
-            self._say([f"{self._model.refusal}; without them each number takes one more solve"])
+            self._warn([f"{self._model.refusal}; without them each number takes one more solve"])
         has_errors = all(curve.sigma is not None for curve in compared)
         result = estimate(self._variables, self._misfit, has_errors, self._model.derives)
         if not np.isfinite(result.scatter):
-            self._say(["there are as many data as numbers, so that there is no standard error"])
+            self._warn(["there are as many data as numbers, so that there is no standard error"])
         return result
 
     def _begin(self) -> None:
@@ -216,7 +216,7 @@ class Search:
             if self._misfit(self._start) is None:
                 self._variables = before
                 break
-            self._say(
+            self._warn(
                 [
                     f"{key}: nothing locks at the start, where the strain reaches "
                     f"{per_cent(used)} of the limit; the search begins at {each.start:.4g}, where "
@@ -229,9 +229,9 @@ class Search:
     def _start(self) -> FloatArray:
         return np.array([variable.start for variable in self._variables])
 
-    def _say(self, texts: Sequence[str]) -> None:
+    def _warn(self, texts: Sequence[str]) -> None:
         for text in texts:
-            self._said.append(text)
+            self._remarks.append(text)
             self._monitor.message(f"warning: {text}")
 
     def _misfit(self, numbers: FloatArray) -> Residuals | None:
@@ -281,7 +281,7 @@ class Search:
 
     def content(self, estimate: Estimate) -> dict[str, Any]:
         """The content of fit.json."""
-        keys, remarks = self._keys, [*self._said]
+        keys, remarks = self._keys, [*self._remarks]
         compared = self.compared(estimate.numbers)
         free = 1.0 - len(keys) / sum(len(curve.data) for curve in compared)
         for curve in compared:

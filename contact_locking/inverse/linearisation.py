@@ -26,7 +26,7 @@ the penalty law by a share of theta except at a kink.  So one tangent serves bot
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,7 +39,7 @@ from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.bound_step import BoundLaw
 from contact_locking.solver.interior_point.cones import Step
 from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
-from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.family import Family, Reactions
 from contact_locking.solver.interior_point.iterate import families_of
 from contact_locking.solver.interior_point.lorentz import dot
 from contact_locking.solver.interior_point.tangent import Tangent
@@ -146,10 +146,10 @@ class Linearisation:
         self._still()
         for family, gap in zip(self.equations.families, residual.gaps, strict=True):
             family.move(gap)
-        reactions = [
-            Reaction(family, family.reactions_of(family.step(np.zeros_like(family.seen)).dual))
+        reactions = {
+            family: family.reactions_of(family.step(np.zeros_like(family.seen)).dual)
             for family in self.equations.families
-        ]
+        }
         return self._moved(residual, reactions)
 
     def centring(self, product: float) -> Change:
@@ -158,13 +158,10 @@ class Linearisation:
         Comes before all other changes, which move the families; collective.
         """
         self._still()
-        reactions = [
-            Reaction(family, family.aim(product) - family.reactions)
-            for family in self.equations.families
-        ]
+        reactions = {f: f.aim(product) - f.reactions for f in self.equations.families}
         return self._moved(self.equations.residual(), reactions)
 
-    def _moved(self, residual: Residual, reactions: Sequence[Reaction]) -> Change:
+    def _moved(self, residual: Residual, reactions: Reactions) -> Change:
         """The change by a residual, with the ``reactions`` if nothing moves."""
         solution = self._solve(-residual.free, reactions)
         steps = self._steps(solution)
@@ -173,9 +170,9 @@ class Linearisation:
             for law, pressing in zip(self._laws, self._pressing, strict=True)
         ]
 
-        def responses(bounds: FloatArray) -> list[Reaction]:
+        def responses(bounds: FloatArray) -> Reactions:
             parts = self._parts(bounds)
-            return [Reaction(law.friction, law.friction.response(step)) for law, _, step in parts]
+            return {law.friction: law.friction.response(step) for law, _, step in parts}
 
         def followed(answer: _Answer) -> FloatArray:
             """Less the change of the bounds by a response of the displacement."""
@@ -208,7 +205,7 @@ class Linearisation:
     def adjoint(self, gradient: Gradient) -> Adjoint:
         """The gain by residuals of the quantity with this gradient."""
         pulls = gradient.reactions
-        pulled = [Reaction(family, -family.block(values)) for family, values in pulls.items()]
+        pulled = {family: -family.block(values) for family, values in pulls.items()}
         total = self._solve(gradient.displacement, pulled)
         frictions = [law.friction for law in self._laws]
         right = _joined(f.response_adjoint(pulls.get(f, np.zeros_like(f.seen))) for f in frictions)
@@ -216,13 +213,13 @@ class Linearisation:
         def seen(answer: _Answer) -> FloatArray:
             return _joined(f.response_adjoint(answer.seen[f]) for f in frictions)
 
-        def pulled_by(bounds: FloatArray) -> list[Reaction]:
+        def pulled_by(bounds: FloatArray) -> Reactions:
             """Less ``P^T y``: what bounds follow a displacement by."""
-            reactions = []
+            reactions: dict[Family, FloatArray] = {}
             for law, pressing, bound in self._parts(bounds):
                 pressure, slip = law.moved_adjoint(bound)
-                reactions.append(Reaction(pressing, -pressing.stiffness * pressure))
-                reactions.append(Reaction(law.friction, -slip))
+                reactions[pressing] = -pressing.stiffness * pressure
+                reactions[law.friction] = -slip
             return reactions
 
         bounds, correction = self._krylov(pulled_by, seen, right - seen(total))
@@ -256,17 +253,17 @@ class Linearisation:
 
     # Solves.
 
-    def _solve(self, forces: FloatArray, reactions: Sequence[Reaction]) -> _Answer:
+    def _solve(self, forces: FloatArray, reactions: Reactions) -> _Answer:
         """Solve with the tangent, and again for what rounding, or an iterative solver, leaves."""
         answer = self._nothing()
-        for reaction in reactions:
-            answer.reactions[reaction.family][:] += reaction.values
+        for family, values in reactions.items():
+            answer.reactions[family][:] += values
         for _ in range(_REFINEMENTS):
             self.solves += 1
             # Reactions and those to the displacement are far larger than their sum.
-            every = [Reaction(family, values) for family, values in answer.reactions.items()]
             elastic = self.tangent.elastic_times(answer.displacement)
-            du = self.tangent.answer(forces - elastic - self.tangent.forces(every), _ITERATIVE)
+            unbalanced = forces - elastic - self.tangent.forces(answer.reactions)
+            du = self.tangent.answer(unbalanced, _ITERATIVE)
             seen = {family: family.see(du) for family in self.equations.families}
             blocks = {family: family.block(values) for family, values in seen.items()}
             answer = answer.plus(_Answer(du, seen, blocks))
@@ -285,7 +282,7 @@ class Linearisation:
 
     def _krylov(
         self,
-        pulled: Callable[[FloatArray], Sequence[Reaction]],
+        pulled: Callable[[FloatArray], Reactions],
         seen: Callable[[_Answer], FloatArray],
         right: FloatArray,
     ) -> tuple[FloatArray, _Answer]:

@@ -9,7 +9,6 @@ and their derivatives: a fit that was killed finds them again.
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -22,7 +21,7 @@ from mpi4py import MPI
 from contact_locking import files, study_file
 from contact_locking.arrays import FloatArray, IntArray
 from contact_locking.errors import ContactLockingError, InputError, NoDerivatives, with_key
-from contact_locking.files import place_of, rows_of
+from contact_locking.files import numbers_in, place_of, rows_of
 from contact_locking.inverse.estimate import Variable
 from contact_locking.inverse.sensitivities import number_at, value_of, with_values
 from contact_locking.mesh.domain import Domain
@@ -161,18 +160,8 @@ def _read(curve: Curve, key: str, section: FitParameters) -> Experiment:
         errors = [name for name in (SIGMA, *(f"{SIGMA}_{c}" for c in columns)) if name in header]
         times = [TIME] if TIME in header else []
         names = [*times, *keys, *columns, *errors]
-        places = [with_key(key, partial(place_of, name, header, path)) for name in names]
-        numbers: list[list[float]] = []
-        for line, row in enumerate(rows, 2):
-            if not any(cell.strip() for cell in row):
-                continue
-            read = [files.number_at(place, row) for place in places]
-            for name, (value, text) in zip(names, read, strict=True):
-                if not math.isfinite(value):
-                    raise InputError(
-                        f"{path}, row {line}, {name}: {text!r} is no finite number", key
-                    )
-            numbers.append([value for value, _ in read])
+        places = {name: with_key(key, partial(place_of, name, header, path)) for name in names}
+        numbers = with_key(key, partial(numbers_in, rows, places, path))
     if not numbers:
         raise InputError(f"{path} has no rows of numbers below its first row", key)
     table = dict(zip(names, np.array(numbers).T, strict=True))

@@ -11,15 +11,14 @@ from __future__ import annotations
 import functools
 import json
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import Any
 
 import numpy as np
 from mpi4py import MPI
 
-from contact_locking.arrays import FloatArray
-from contact_locking.errors import ContactLockingError, InputError, NotConverged
+from contact_locking.arrays import LARGEST, FloatArray
+from contact_locking.errors import ContactLockingError, InputError, NotConverged, require_kind
 from contact_locking.inverse.sensitivities import value_of, with_values
 from contact_locking.mesh.domain import Domain
 from contact_locking.running.assembly import check
@@ -51,10 +50,11 @@ class Model:
         self._domains: dict[str, Domain] = {}
         self._solved = functools.lru_cache(_KEPT)(self._solve)
 
-    def answer(self, path: str, request: Mapping[str, Any]) -> dict[str, Any]:
+    def answer(self, path: str, request: Any) -> dict[str, Any]:
         """The answer to a request.  Raises InputError for a request that is not understood."""
         if path == "/Info":
             return {"protocolVersion": 1.0, "models": [NAME]}
+        require_kind(request, dict, "a JSON object", "request")
         if request.get("name") != NAME:
             raise InputError(f"the model is called {NAME}", "name")
         match path:
@@ -66,8 +66,12 @@ class Model:
                 return {"outputSizes": [len(self.asked.of)]}
             case _ if path[1:] not in _ANSWERS:
                 raise InputError(f"{path[1:]} is not supported")
-        numbers = tuple(map(float, _vector(request["input"], len(self.asked.to))))
-        config = dict(request.get("config") or {})
+        of, to = len(self.asked.of), len(self.asked.to)
+        vectors, config = request.get("input"), request.get("config") or {}
+        if not (isinstance(vectors, list) and len(vectors) == 1):
+            raise InputError("must be a list of one vector", "input")
+        numbers = tuple(map(float, _vector(vectors[0], to, "input.0")))
+        require_kind(config, dict, "a JSON object", "config")
         for key, value in config.items():
             if isinstance(value, bool) or not isinstance(value, int | float):
                 raise InputError(f"{key}: a configuration has numbers only", "config")
@@ -75,8 +79,8 @@ class Model:
         if path == "/Evaluate":
             return {"output": [values.tolist()]}
         if path == "/Gradient":
-            return {"output": (_numbers(request["sens"]) @ slopes).tolist()}
-        return {"output": (slopes @ _numbers(request["vec"])).tolist()}
+            return {"output": (_vector(request.get("sens"), of, "sens") @ slopes).tolist()}
+        return {"output": (slopes @ _vector(request.get("vec"), to, "vec")).tolist()}
 
     def _solve(
         self, numbers: tuple[float, ...], config: tuple[tuple[str, float], ...], derives: bool
@@ -99,19 +103,12 @@ class Model:
         return values, slopes
 
 
-def _numbers(values: Iterable[Any]) -> FloatArray:
-    """Numbers from JSON as an array.  Raises InputError for anything else."""
-    try:
-        return np.array([float(value) for value in values])
-    except (TypeError, ValueError) as error:
-        raise InputError(f"numbers are expected: {error}") from error
-
-
-def _vector(vectors: Sequence[Any], length: int) -> FloatArray:
-    """The only vector of an input.  Raises InputError for other lengths."""
-    if [len(vector) for vector in vectors] != [length]:
-        raise InputError(f"the input is one vector of {length} numbers")
-    return _numbers(vectors[0])
+def _vector(numbers: Any, length: int, key: str) -> FloatArray:
+    """A vector from JSON.  Raises InputError for anything else."""
+    is_right = isinstance(numbers, list) and len(numbers) == length
+    if not is_right or any(type(n) not in (int, float) or not abs(n) <= LARGEST for n in numbers):
+        raise InputError(f"must be a vector of {length} numbers", key)
+    return np.array(numbers, dtype=float)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -127,10 +124,11 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _send(self, request: bytes) -> None:
         try:
-            status, answer = 200, self.model.answer(self.path, dict(json.loads(request)))
+            status, answer = 200, self.model.answer(self.path, json.loads(request))
         except (ContactLockingError, ValueError, LookupError, TypeError) as error:
-            status = 400
-            answer = {"error": {"type": type(error).__name__, "message": str(error)}}
+            key = getattr(error, "key", None)
+            message = f"{key}: {error}" if key else str(error)
+            status, answer = 400, {"error": {"type": type(error).__name__, "message": message}}
         body = json.dumps(answer).encode()
         self.send_response(status)
         self.send_header("Content-Type", "application/json")

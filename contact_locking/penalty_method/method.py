@@ -108,17 +108,19 @@ def fixed_point(
 
     ``solve`` solves (26) under the present bound, more sharply than the last change that it is
     passed, which is infinite at first.  Changes count relative to the norm of the bound, or to
-    ``task.least_bound()`` if that is larger.  Afterwards the system holds the bound of the last
+    ``Target.least_bound`` if that is larger.  Afterwards the system holds the bound of the last
     solve.  Returns the last change and the geometric mean of the ratios of successive changes, the
     contraction factor.  Raises NotConverged after ``max_friction_updates``.
     """
-    settings, counts, bounds = task.settings, task.counts, task.system.bounds
-    rubbing, changes = task.system.rubbing, list[float]()
+    system, target, settings, counts = task.system, task.target, task.settings, task.counts
+    bounds, rubbing, changes = system.bounds, system.rubbing, list[float]()
     contraction: float | None = None
     for _ in range(settings.max_friction_updates):
         solve(changes[-1] if changes else math.inf)
         used, new = bounds.at(rubbing), equations.friction_bounds()
-        size = max(joint_norm(rubbing, new), task.least_bound())
+        displacement, tolerance = system.largest_displacement(), settings.tolerance
+        strain = target.mean_strain(system.energy(), displacement, tolerance)
+        size = max(joint_norm(rubbing, new), target.least_bound(strain))
         change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
         changes.append(change / size if size > 0.0 else change)
         counts.updates += 1

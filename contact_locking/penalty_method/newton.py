@@ -20,8 +20,6 @@ from contact_locking.penalty_method.equations import Equations
 from contact_locking.solver.ksp import InsertedOptions, LinearFailure, default_options
 from contact_locking.solver.task import Counts, Task
 
-ConvergedReason = PETSc.SNES.ConvergedReason
-
 # A step is long enough if it halves the slope of the energy; the trials of a length.
 _SLOPE_SHARE, _MOST_TRIALS = 0.5, 30
 # A residual this small (relative to the forces) that no longer shrinks may be rounding.
@@ -184,7 +182,7 @@ class Newton:
         stalls = self._last < 2.0 * residual <= _SMALL * scale
         self._last = residual if iteration else np.inf
         if residual <= self._tolerance * scale or (stalls and residual <= self._rounding(snes)):
-            return ConvergedReason.CONVERGED_FNORM_ABS
+            return PETSc.SNES.ConvergedReason.CONVERGED_FNORM_ABS
         if iteration >= snes.getTolerances()[3]:
             raise NotConverged("too many Newton steps")
         return None

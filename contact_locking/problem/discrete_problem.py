@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from contact_locking.contact.nodal_contact import (
 )
 from contact_locking.contact.surface import PRESCRIBED
 from contact_locking.contact.travel import Travel
-from contact_locking.errors import InputError
+from contact_locking.errors import InputError, with_key
 from contact_locking.fem import compiled
 from contact_locking.fem.fields import Clock, Entities, features
 from contact_locking.fem.spaces import Element
@@ -35,7 +36,7 @@ from contact_locking.problem.elasticity import Material
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.loads import ElasticSupport, LoadOnMesh, OwnSupport, Springs
 from contact_locking.problem.points import LimitsOnMesh, Placed, Points
-from contact_locking.problem.rigidity import Held, Rigidity
+from contact_locking.problem.rigidity import Rigidity
 from contact_locking.supports.conditions import Constraints
 from contact_locking.supports.support import (
     HOLD_ALONG,
@@ -113,19 +114,11 @@ class Body:
             numbers = np.unique(domain.parts[domain.owners(domain.facets(concept.on))])
             bodies = set[int]().union(*domain.comm.allgather(numbers.tolist()))
             if concept.against and set(concept.on) == set(concept.against) and len(bodies) < 2:
-                facets = domain.facets(concept.on)
-                owned = domain.mesh.topology.index_map(domain.dim - 1).size_local
-                normals, _ = domain.area_normals(facets[facets < owned])
-                squares = domain.comm.allreduce(normals.T @ normals)
-                across = np.round(np.linalg.eigh(squares)[1][:, -1], 2)
-                first, name = concept.on[0], ", ".join(concept.on)
-                lips = ", ".join(
-                    f"{first}_{number}: {{on: [{name}], facing: {list(map(float, way + 0.0))}}}"
-                    for number, way in ((1, across), (2, -across))
-                )
+                first, names = concept.on[0], ", ".join(concept.on)
                 raise InputError(
-                    f"{name} belongs to one body; where it holds both lips of a cut, give each lip "
-                    f"a name, by mesh.parts: {{{lips}}}, for on and for against",
+                    f"{names} belongs to one body; where it holds both lips of a cut, give each "
+                    f"lip a name in mesh.parts, as {first}_1: {{on: [{names}], facing: [0, 1]}}, "
+                    "where the body has this outward normal, for on and for against",
                     f"{concept.key}.against",
                 )
 
@@ -152,50 +145,18 @@ class Body:
                     f"{condition.key}.on",
                 )
 
-    def features(self, contacts: Sequence[Contact], clock: Clock) -> Iterator[Finding]:
-        """Findings about data, except loads, that change between the points in use; collective."""
-        domain = self.domain
-        every = np.arange(len(domain.parts), dtype=np.int32)
-        for items, advice, relative in (
-            ((*self.elasticity, *self.limits), _ADVICE, "each"),
-            (self.eigenstrains, _ADVICE_ON_CELLS, "all"),
-        ):
-            for data in items:
-                cells = every if data.cells is None else data.cells
-                inside = expressions(data.content) if isinstance(data.content, Concept) else ()
-                for place, value, _ in inside:
-                    entities = Entities.of(domain, domain.dim, cells)
-                    key, times = data.key_of(*place), clock.some_times
-                    yield from features(entities, value, key, advice, relative, times)
-        for held in (*self.held, *self.springs):
-            for place, value, _ in expressions(held):
-                facets = Entities.of(domain, domain.dim - 1, domain.facets(held.on))
-                key, times = dotted(held.key, *place), clock.some_times
-                yield from features(facets, value, key, _ADVICE_ON_FACETS, times=times)
-        for contact in contacts:
-            mu = None if contact.friction is None else contact.friction.coefficient
-            if mu is None or mu.expression is None:
-                continue
-            key = contact.friction_key("coefficient")
-            facets = Entities.of(domain, domain.dim - 1, domain.facets(contact.on))
-            # mu may change near s = 0; a slip as long as the body stands for an infinite one.
-            slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
-            for slip in slips if "s" in mu.expression.names else slips[:1]:
-                if findings := features(facets, mu, key, _ADVICE_ON_FACETS, s=slip):
-                    yield from findings
-                    break
-
 
 class DiscreteProblem:
     """The discrete problem; values of its data may change between solves.
 
-    - ``data``: what the forms need, with the contacts
+    - ``data``, ``contacts``: what the forms need, and its contacts
     - ``u``: the displacement
     - ``penalty``: the penalty parameters to solve for
     - ``follows_n``: whether the compliance of contact is 1/n by default
     - ``rigidity``, ``held``: the rigid motions, and how each boundary part is held
     - ``clock``: the time of data that depend on it
-    - ``findings``: data that are probably not intended
+    - ``free``, ``sliding``: the numbers of rigid motions that contact or friction alone stops
+    - ``sprung``: that of rigid motions that springs stop and displacement conditions do not
 
     The constructor is collective and raises InputError for unusable data.
     """
@@ -214,7 +175,8 @@ class DiscreteProblem:
         self.constraints = Constraints(domain, space, body.held, body.bcs, clock)
         self.regions = tuple(body.regions)
         self.loads = [LoadOnMesh(domain, element, load, clock) for load in body.loads]
-        of_loads = [finding for load in self.loads for finding in load.advance()]
+        for load in self.loads:
+            load.advance()
         springs: list[ElasticSupport] = [*Springs.of(domain, body.springs, clock)]
         if body.others is not None:
             springs.append(OwnSupport(body.others))
@@ -232,7 +194,7 @@ class DiscreteProblem:
             NodalContact(item, place, self.constraints, slip, clock)
             for item, place in zip(contacts, places, strict=True)
         )
-        self.findings = [finding for contact in nodal for finding in contact.findings()]
+        self.contacts = nodal
         slips = tuple(contact.regularisation for contact in nodal)
         self.penalty = Penalty(n, epsilon, slips)
         self.data = forms.ProblemData(
@@ -253,39 +215,25 @@ class DiscreteProblem:
         )
         self.u = fem.Function(space, name="displacement")
         self.rigidity = Rigidity(domain, space, self.data, self.constraints)
-        self.held: list[Held] = self.rigidity.held(
-            *(
-                [name for item in body.held if isinstance(item, kind) for name in item.on]
-                for kind in (Displacement, Support)
-            )
-        )
-        self.findings += of_loads
-        for load in self.loads:
-            ratio = load.stress / self.material.stiffness
-            if ratio > _ABSURD:
-                raise InputError(TEXTS["load.large"].format(ratio=ratio), load.key)
-            if ratio > 1.0:
-                self.findings.append(Finding("load.large", load.key, ratio=ratio))
-        self.findings += body.features(contacts, clock)
+        self.held = self.rigidity.held(body.held)
+        counts = [(held.free, held.sliding, held.sprung) for held in self.held]
+        self.free, self.sliding, self.sprung = map(sum, zip(*counts, strict=True))
+        self._findings = findings(self)
 
     @property
-    def contacts(self) -> tuple[NodalContact, ...]:
-        return self.data.contacts
+    def findings(self) -> list[Finding]:
+        """The findings about the data, with those about loads at later times."""
+        return list(dict.fromkeys([*self._findings, *_loads(self)]))
 
-    @property
-    def free(self) -> int:
-        """The number of rigid motions that only contact stops."""
-        return sum(held.free for held in self.held)
-
-    @property
-    def sliding(self) -> int:
-        """The number of rigid motions that only friction stops."""
-        return sum(held.sliding for held in self.held)
-
-    @property
-    def sprung(self) -> int:
-        """The number of rigid motions that springs stop and displacement conditions do not."""
-        return sum(held.sprung for held in self.held)
+    def require_times(self, times: Sequence[float]) -> None:
+        """Raise InputError for a table over the time that ends before a process does."""
+        body, place = self.body, self.domain.bounding_box.mean(axis=0)[:, None]
+        placed = [Placed(item, item.key) for item in (*body.held, *body.loads, *body.springs)]
+        placed += [Placed(item.concept, item.key) for item in self.contacts]
+        for data in (*body.elasticity, *body.limits, *body.eigenstrains, *placed):
+            inside = expressions(data.content) if isinstance(data.content, Concept) else ()
+            for inner, value, _ in inside:
+                with_key(data.key_of(*inner), partial(value.require_times, place, times))
 
     def set_memory(self, states: Sequence[ContactState]) -> None:
         """Begin a step with what friction remembers at each contact; collective."""
@@ -323,7 +271,9 @@ class DiscreteProblem:
         """Update everything to the present values of the data; collective."""
         self.material.refresh()
         self.limits.refresh()
-        self.findings += [each for x in self.loads if x.is_timed for each in x.advance()]
+        for load in self.loads:
+            if load.is_timed:
+                load.advance()
         self.update_foundations()
 
     def _work(self) -> ufl.Form | None:
@@ -343,6 +293,86 @@ class DiscreteProblem:
         for contact in self.contacts:
             contact.friction.smoothing.destroy()
             contact.surface.close()
+
+
+def findings(problem: DiscreteProblem) -> list[Finding]:
+    """Properties of the data that the user probably did not intend; collective.
+
+    Raises InputError for loads with units that cannot be meant.
+    """
+    return [finding for check in _CHECKS for finding in check(problem)]
+
+
+def _mesh(problem: DiscreteProblem) -> Iterator[Finding]:
+    """What the mesh was read with."""
+    domain = problem.domain
+    yield from (finding.at(domain.origin) for finding in domain.findings)
+
+
+def _contacts(problem: DiscreteProblem) -> Iterator[Finding]:
+    """Foundations, gaps, pairs and R that do not fit the body or its mesh."""
+    for contact in problem.contacts:
+        yield from contact.findings()
+
+
+def _loads(problem: DiscreteProblem) -> Iterator[Finding]:
+    """Loads that vanish, or change too sharply for the mesh, at a time so far."""
+    for load in problem.loads:
+        yield from load.findings
+
+
+def _large_loads(problem: DiscreteProblem) -> Iterator[Finding]:
+    """Loads that exceed the stiffness of the material."""
+    for load in problem.loads:
+        ratio = load.stress / problem.material.stiffness
+        if ratio > _ABSURD:
+            raise InputError(TEXTS["load.large"].format(ratio=ratio), load.key)
+        if ratio > 1.0:
+            yield Finding("load.large", load.key, ratio=ratio)
+
+
+def _features_in_cells(problem: DiscreteProblem) -> Iterator[Finding]:
+    """Data of the material that change between the points of the strains."""
+    body, domain, times = problem.body, problem.domain, problem.clock.some_times
+    every = np.arange(len(domain.parts), dtype=np.int32)
+    for items, advice, relative in (
+        ((*body.elasticity, *body.limits), _ADVICE, "each"),
+        (body.eigenstrains, _ADVICE_ON_CELLS, "all"),
+    ):
+        for data in items:
+            cells = every if data.cells is None else data.cells
+            inside = expressions(data.content) if isinstance(data.content, Concept) else ()
+            for place, value, _ in inside:
+                entities = Entities.of(domain, domain.dim, cells)
+                yield from features(entities, value, data.key_of(*place), advice, relative, times)
+
+
+def _features_on_facets(problem: DiscreteProblem) -> Iterator[Finding]:
+    """Prescribed displacements, springs and friction that change between the nodes."""
+    body, domain = problem.body, problem.domain
+
+    def facets(on: Sequence[str]) -> Entities:
+        return Entities.of(domain, domain.dim - 1, domain.facets(on))
+
+    for held in (*body.held, *body.springs):
+        for place, value, _ in expressions(held):
+            key, times = dotted(held.key, *place), problem.clock.some_times
+            yield from features(facets(held.on), value, key, _ADVICE_ON_FACETS, times=times)
+    for contact in problem.contacts:
+        friction = contact.concept.friction
+        mu = None if friction is None else friction.coefficient
+        if mu is None or mu.expression is None:
+            continue
+        key = contact.concept.friction_key("coefficient")
+        # mu may change near s = 0; a slip as long as the body stands for an infinite one.
+        slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
+        for slip in slips if "s" in mu.expression.names else slips[:1]:
+            if sharp := features(facets(contact.on), mu, key, _ADVICE_ON_FACETS, s=slip):
+                yield from sharp
+                break
+
+
+_CHECKS = (_mesh, _contacts, _loads, _large_loads, _features_in_cells, _features_on_facets)
 
 
 def distance(u: fem.Function, other: fem.Function, data: ProblemData) -> dict[str, float]:

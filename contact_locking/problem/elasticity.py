@@ -153,7 +153,7 @@ class Material:
                     field.value = self._points.least(row)
                 else:
                     self._points.write(field, row)
-            with np.errstate(all="ignore"):  # the eigenvalues tell whether A is elliptic
+            with np.errstate(all="ignore"):  # the eigenvalues show whether A is elliptic
                 self._young = young = law.young_from_lame(*in_space)
                 self._poisson = 0.5 * in_space[0] / (in_space[0] + in_space[1])
             eigenvalues = np.array(law.isotropic_eigenvalues(lame[0], lame[1], self._size))
@@ -205,8 +205,8 @@ class Material:
             values = law.tensor_values(strains, self._pairs, self._size)
         elif self._size == 2 and self._is_matrix and self._points.largest(values[:, 2, 2]) > 0.0:
             raise InputError(
-                "the eigenstrain has a part across the plane, and a stiffness matrix of the plane "
-                "does not tell its stress; give the components in the plane alone, as in "
+                "the eigenstrain has a part across the plane, whose stress a stiffness matrix of "
+                "the plane does not define; give the components in the plane alone, as in "
                 "[0.01, 0.01]",
                 self._eigenstrains[0].key,
             )

@@ -170,9 +170,9 @@ class LoadOnMesh:
     """A load: its ``density`` in UFL, a vector, on a ``measure``.
 
     ``halvings`` says how often the rule of integration halves each cell or facet: as few times as
-    the integrals need at the present and some planned times.  The constructor and :meth:`advance`
-    are collective, and raise InputError with key and point for a value that is not finite, and for
-    a load that the rule mostly misses.
+    the integrals need at the present and some planned times, and ``findings`` are about the load
+    at the times so far.  The constructor and :meth:`advance` are collective, and raise InputError
+    with key and point for a value that is not finite, and for a load that the rule mostly misses.
     """
 
     def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
@@ -190,7 +190,7 @@ class LoadOnMesh:
         self.is_timed = any(value.is_timed for value in components)
         # 1, or 0 at times when the load is only rounding.
         self._acts, self._so_far = fem.Constant(domain.mesh, 1.0), LargestSoFar()
-        self._warned = False
+        self.findings: list[Finding] = []
         if isinstance(given, BodyForce):
             owned = domain.mesh.topology.index_map(dim).size_local
             self._on = Entities.of(domain, dim, np.arange(owned, dtype=np.int32))
@@ -203,9 +203,10 @@ class LoadOnMesh:
                 # No less often than before, and as often as the integrals need.
                 fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
                 most = max(self._on.halvings - 1, 0)
-                while self.halvings < most:
-                    if self._apart(self._sample(self.halvings, _DEGREE, time), fine) <= _ACCURATE:
-                        break
+                while (
+                    self.halvings < most
+                    and self._apart(self._sample(self.halvings, _DEGREE, time), fine) > _ACCURATE
+                ):
                     self.halvings += 1
             self.density = self._acts * self.density if self.is_timed else self.density
         self._size, self._per = 0.0, 1.0
@@ -246,23 +247,22 @@ class LoadOnMesh:
             }
         return metadata
 
-    def advance(self) -> list[Finding]:
-        """Update the load to the present time; returns findings.  Collective.
+    def advance(self) -> None:
+        """Update the load to the present time; collective.
 
         A load that depends on the time is set to zero at times when it is only rounding.
         """
         for value in self._values:
             value.refresh()
-        self._size, findings = self._largest()
+        self._size = self._largest()
         self._acts.value = float(not (self.is_timed and self._so_far.hides(self._size)))
-        return findings
 
-    def _largest(self) -> tuple[float, list[Finding]]:
-        """The largest ``|g|`` at the points of cells or facets, and findings; collective."""
+    def _largest(self) -> float:
+        """The largest ``|g|`` at the points of cells or facets; collective."""
         if not self._is_seen:
-            return 0.0, []
+            return 0.0
         if self._constant:
-            return float(np.linalg.norm([float(value.value) for value in self._values])), []
+            return float(np.linalg.norm([float(value.value) for value in self._values]))
         comm, time = self._domain.comm, self._clock.now
         used = agree(comm, lambda: self._sample(self.halvings, _DEGREE, time, is_used=True))
         fine = self._sample(self._on.halvings, _HIGHER_DEGREE, time)
@@ -271,18 +271,16 @@ class LoadOnMesh:
         largest, where = max(tops)
         if largest <= 0.0:
             # A load that depends on the time may be zero at times.
-            if self.is_timed:
-                return 0.0, []
-            return 0.0, [Finding("load.zero", self.key)]
+            self.findings += [] if self.is_timed else [Finding("load.zero", self.key)]
+            return 0.0
         is_nodal = any(value.is_nodal for value in self._values)
         nodes = " (its table counts at the nodes alone)" if is_nodal else ""
         about: dict[str, Any] = {"place": where, "size": largest, "per_cent": 100.0 * share}
         if share > _LOST:
             raise InputError(TEXTS["load.sharp"].format(nodes=nodes, **about), self.key)
-        if share > _UNCERTAIN and not self._warned:
-            self._warned = True
-            return largest, [Finding("load.sharp", self.key, nodes=nodes, **about)]
-        return largest, []
+        if share > _UNCERTAIN and not self.findings:
+            self.findings.append(Finding("load.sharp", self.key, nodes=nodes, **about))
+        return largest
 
     def _apart(self, coarse: _Sample, fine: _Sample) -> float:
         """How far integrals differ, as a share of ``int |g|``; collective."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ from contact_locking.problem.motions import (
     unheld_motion,
 )
 from contact_locking.supports.conditions import Constraints
+from contact_locking.supports.support import Displacement, Support
 
 # Work below this share of all work and all motion is rounding.
 _DIGITS = 1e-12
@@ -140,7 +141,7 @@ class GroupMotions:
         None without one, or if the friction of a contact is unknown before a solve.  Collective.
         """
         comm = self._domain.comm
-        if not self._knows_friction():
+        if not all([at.knows_friction() for at in self.at_contacts]):
             return None
 
         def resistance(motion: FloatArray) -> FloatArray:
@@ -197,10 +198,6 @@ class GroupMotions:
             f"{held / rate:.4g}"
         )
 
-    def _knows_friction(self) -> bool:
-        """Whether the friction of all contacts is known before a solve; collective."""
-        return all([at.knows_friction() for at in self.at_contacts])
-
     def _words(self, motion: FloatArray) -> str:
         """A motion (f,) of the part in words; collective."""
         name, share = self._of_part(motion)
@@ -236,34 +233,22 @@ class GroupMotions:
 
 @dataclass(frozen=True)
 class Held:
-    """A part of the body, the boundary parts that hold it, and its numbers of rigid motions.
+    """A part of the body, and what holds it.
 
-    - ``free``: motions that displacement conditions and springs permit
+    - ``by``: the boundary parts of each kind that holds it, in words
+    - ``free``: the number of rigid motions that displacement conditions and springs permit
     - ``sliding``: of these, motions that only friction can stop
     - ``sprung``: motions that springs stop and displacement conditions do not
     """
 
     name: str
-    displacements: tuple[str, ...]
-    contact: tuple[str, ...]
-    supports: tuple[str, ...]
+    by: Mapping[str, Sequence[str]]
     free: int
     sliding: int
-    springs: tuple[str, ...] = ()
-    sprung: int = 0
+    sprung: int
 
     def __str__(self) -> str:
-        words = []
-        if self.displacements:
-            words.append(f"displacements on {', '.join(self.displacements)}")
-        if self.supports:
-            words.append(f"supports on {', '.join(self.supports)}")
-        if self.springs:
-            words.append(f"springs on {', '.join(self.springs)}")
-        if self.contact and self.free:
-            friction = " and friction" if self.sliding else ""
-            words.append(f"contact{friction} on {', '.join(self.contact)}")
-        return " and ".join(words)
+        return " and ".join(f"{what} on {', '.join(on)}" for what, on in self.by.items() if on)
 
 
 class Rigidity:
@@ -282,32 +267,27 @@ class Rigidity:
         self._domain, self._space = domain, space
         self._data, self._constraints = data, constraints
 
-    def held(self, displacements: Sequence[str], supports: Sequence[str]) -> list[Held]:
-        """How each part is held, whatever the loads.
-
-        ``displacements`` and ``supports`` are the boundary parts that conditions hold.
-        """
+    def held(self, conditions: Sequence[Support | Displacement]) -> list[Held]:
+        """How each part is held, whatever the loads, by these conditions among others."""
         domain, data, held = self._domain, self._data, {}
+        by: dict[str, list[str]] = {
+            name: [part for each in conditions if isinstance(each, kind) for part in each.on]
+            for name, kind in (("displacements", Displacement), ("supports", Support))
+        }
+        by["springs"] = [spring.on for spring in data.springs if isinstance(spring, Springs)]
         touching = [name for contact in data.contacts for name in (*contact.on, *contact.against)]
-        springs = [spring.on for spring in data.springs if isinstance(spring, Springs)]
         for group, motions in self._groups():
-            sliding = sliding_motions(motions.normals).shape[1]
             counts = [free.shape[1] for _, free in motions.parts]
             loosest = group[int(np.argmax(counts))]
             for number, free in zip(group, counts, strict=True):
                 dofs = dofs_of(domain, self._space, number)
-                conditions = free_motions(domain, self._space, self._constraints, dofs)
-                held[number] = Held(
-                    domain.part_names[number],
-                    _touching(domain, number, displacements),
-                    _touching(domain, number, touching),
-                    _touching(domain, number, supports),
-                    free,
-                    # Bodies that touch each other may slide together: they count once.
-                    sliding if number == loosest else 0,
-                    _touching(domain, number, springs),
-                    conditions.shape[1] - free,
-                )
+                stopped = free_motions(domain, self._space, self._constraints, dofs).shape[1] - free
+                # Bodies that touch each other may slide together: they count once.
+                slides = sliding_motions(motions.normals).shape[1] if number == loosest else 0
+                contact = "contact and friction" if slides else "contact"
+                of_part = by | {contact: touching if free else []}
+                on = {what: _touching(domain, number, names) for what, names in of_part.items()}
+                held[number] = Held(domain.part_names[number], on, free, slides, stopped)
         return [held[number] for number in sorted(held)]
 
     def require_held(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc
 from petsc4py import PETSc
+from ufl.core.expr import Expr
 
 from contact_locking.arrays import FloatArray
 from contact_locking.contact.nodal_contact import NodalContact
@@ -31,13 +32,13 @@ class BodyForms:
     """
 
     def __init__(self, space: fem.FunctionSpace, data: forms.ProblemData) -> None:
-        v, self._data = ufl.TestFunction(space), data
+        self._v, self._data, self._kept = ufl.TestFunction(space), data, Kept()
         self._w, self._forces = fem.Function(space), fem.Function(space)
         # One form for cells and one for facets, as in `JointForm`.
         parts = [data.elasticity, *(spring.form for spring in data.springs)]
         self._energies = [compiled.form(0.5 * bilinear(self._w, self._w)) for bilinear in parts]
-        self._elastic = JointForm(forms.elastic_form(self._w, v, data))
-        self._external = JointForm(forms.external_work(v, data))
+        self._elastic = JointForm(forms.elastic_form(self._w, self._v, data))
+        self._external = JointForm(forms.external_work(self._v, data))
         self._comm = space.mesh.comm
 
     def energy(self, w: fem.Function) -> float:
@@ -46,7 +47,11 @@ class BodyForms:
 
     def strain_norm(self, w: fem.Function) -> float:
         """``|w|_V = |eps(w)|`` in L2 (10)."""
-        return float(np.sqrt(self._value(self._square, w)))
+        data = self._data
+        dx = data.element.elastic_dx(data.dx)
+        return float(
+            np.sqrt(self._integral("strain", w, lambda w: squared_norm(data.strain(w)) * dx))
+        )
 
     def elastic_forces(self, w: fem.Function) -> FloatArray:
         """``a(w, .)``."""
@@ -55,22 +60,16 @@ class BodyForms:
 
     def body_forces(self, w: fem.Function) -> FloatArray:
         """``a(w, .) + J'(w)``, with J = 0 unless the user gives an energy."""
-        forces = self.elastic_forces(w)
-        return forces if self._data.own_energy is None else forces + self._nodal(self._own)
+        forces, data = self.elastic_forces(w), self._data
+        if data.own_energy is None:
+            return forces
+        derivative = self._kept("J'", lambda: JointForm(forms.own_forces(self._w, self._v, data)))
+        return forces + self._nodal(derivative)
 
     def own_energy(self, w: fem.Function) -> float:
         """``J(w)``, 0 unless the user gives an energy; NaN where J is not defined."""
-        return 0.0 if self._data.own_energy is None else self._value(self._own_value, w)
-
-    @cached_property
-    def _own_value(self) -> fem.Form:
-        assert self._data.own_energy is not None
-        return compiled.form(self._data.own_energy(self._w))
-
-    @cached_property
-    def _own(self) -> JointForm:
-        test = ufl.TestFunction(self._w.function_space)
-        return JointForm(forms.own_forces(self._w, test, self._data))
+        energy = self._data.own_energy
+        return 0.0 if energy is None else self._integral("J", w, energy)
 
     def loads(self) -> FloatArray:
         """``(f, .)`` at the present time."""
@@ -78,38 +77,27 @@ class BodyForms:
 
     def eigenstrain_work(self, w: fem.Function) -> float:
         """``-(A eps_0, eps(w))``, 0 without an eigenstrain."""
-        return 0.0 if self._data.eigenstrain is None else self._value(self._initial, w)
+        if self._data.eigenstrain is None:
+            return 0.0
+        return self._integral("initial", w, lambda w: forms.initial_work(w, self._data))
 
     def eigenstrain_forces(self) -> FloatArray:
         """``-(A eps_0, eps(.))``, zeros without an eigenstrain."""
         if self._data.eigenstrain is None:
             return np.zeros_like(self._w.x.array)
-        return self._nodal(self._eigen_forces)
+        return self._nodal(
+            self._kept("work", lambda: JointForm(forms.initial_work(self._v, self._data)))
+        )
 
     def eigenstrain_energy(self) -> float:
         """``(A eps_0, eps_0)/2``, 0 without an eigenstrain."""
         if self._data.eigenstrain is None:
             return 0.0
-        return float(self._comm.allreduce(fem.assemble_scalar(self._eigen)))
+        return self._integral("eigen", self._w, lambda _: forms.initial_energy(self._data))
 
-    @cached_property
-    def _initial(self) -> fem.Form:
-        return compiled.form(forms.initial_work(self._w, self._data))
-
-    @cached_property
-    def _eigen_forces(self) -> JointForm:
-        test = ufl.TestFunction(self._w.function_space)
-        return JointForm(forms.initial_work(test, self._data))
-
-    @cached_property
-    def _eigen(self) -> fem.Form:
-        return compiled.form(forms.initial_energy(self._data))
-
-    @cached_property
-    def _square(self) -> fem.Form:
-        data = self._data
-        eps = data.strain(self._w)
-        return compiled.form(squared_norm(eps) * data.element.elastic_dx(data.dx))
+    def _integral(self, name: str, w: fem.Function, of: Callable[[fem.Function], Expr]) -> float:
+        """An integral of w, compiled when it is first needed."""
+        return self._value(self._kept(name, lambda: compiled.form(of(self._w))), w)
 
     def _value(self, form: fem.Form, w: fem.Function) -> float:
         self._w.x.array[:] = w.x.array

@@ -156,6 +156,7 @@ class Process(Iterator[S]):
         self._set_time = None if time is None else setter
         self._solver, self._monitor = problem.solver, problem.solver.monitor
         steps = steps if isinstance(steps, Steps) else Steps(times=tuple(steps))
+        self._solver.problem.require_times(steps.planned)
         self._timeline = Timeline(steps)
         self._planned = self._timeline.remaining
         self._stops = steps.on_failure == "stop"

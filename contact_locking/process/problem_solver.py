@@ -29,7 +29,7 @@ from contact_locking.results.derived import BodyFields, Contacts, gather_contact
 from contact_locking.results.output import Extras
 from contact_locking.results.quantities import QUANTITIES, computed
 from contact_locking.results.solution import Differentiable, Solution, State
-from contact_locking.solver.ksp import UserOptions, chosen
+from contact_locking.solver.ksp import UserOptions, is_direct
 from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import Reasons, Verdict
@@ -37,7 +37,7 @@ from contact_locking.solver.strategy import solve as solve_system
 from contact_locking.solver.task import Outcome, SavedState, Target, Task
 
 # The most solves with bodies paired anew; usually the pairing stays after one to three.
-_MOST_FRAMES = 8
+_MOST_PAIRINGS = 8
 _APART = "with the bodies paired as at the previous solution, nothing is admissible"
 
 
@@ -110,7 +110,7 @@ class ProblemSolver:
         if self._method == "penalty":
             return penalty_method.solve(task(), saved)
         report = solve_system(task(), saved)
-        for _ in range(_MOST_FRAMES):
+        for _ in range(_MOST_PAIRINGS):
             start = self._next_start(report) if report.converged else None
             if start is None:
                 break
@@ -120,7 +120,7 @@ class ProblemSolver:
                 reason = f"{_APART}: {report.reason}"
                 report = dataclasses.replace(report, failure=NotConverged.code, reason=reason)
         else:
-            unsettled = Finding("contact.unsettled", solves=_MOST_FRAMES)
+            unsettled = Finding("contact.unsettled", solves=_MOST_PAIRINGS)
             report = dataclasses.replace(report, warnings=[*report.warnings, unsettled])
         return report
 
@@ -225,17 +225,18 @@ def linear_solver(problem: DiscreteProblem, linear: str) -> str:
     """``linear``, with auto replaced by the choice for this body; collective."""
     domain, size = problem.domain, problem.constraints.space.dofmap.index_map.size_global
     compact = domain.compact_size(size * domain.dim, problem.element.degree)
-    return chosen(linear, domain.dim, compact)
+    return "direct" if is_direct(linear, domain.dim, compact) else "iterative"
 
 
 _SLIDING_ADVICE = (
-    "Press the body more, raise friction.coefficient, or hold it by loads.displacements."
+    "Press the body more, lower the loads that move it, raise friction.coefficient, or hold it by "
+    "loads.displacements."
 )
 _ENTRY_ADVICE = (
     "Refine the mesh where the foundation enters: mesh.h_contact or mesh.h; or use a rounder "
     "foundation."
 )
-_COMPLAINTS_ADVICE = (
+_CRITERION_ADVICE = (
     "Raise solver.tolerance, or lower penalty.n: rounding in the strain is multiplied by 2 n."
 )
 
@@ -275,7 +276,7 @@ def solution_of(
             enters = ENTRY in broken
             failure = f"certificate.{ENTRY if enters else [*broken, 'proofs'][0]}"
             reason = certificate.complaint
-            suggestion = _ENTRY_ADVICE if enters else _COMPLAINTS_ADVICE
+            suggestion = _ENTRY_ADVICE if enters else _CRITERION_ADVICE
     return Solution(
         domain=problem.domain,
         element=problem.element,

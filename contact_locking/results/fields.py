@@ -96,8 +96,8 @@ def size(functions: list[fem.Function]) -> int:
 def append(functions: list[fem.Function], path: Path, time: float, new: bool) -> None:
     """Append this rank's part of functions at a time to a file, after those of the ranks before it.
 
-    The functions are those of :func:`discontinuous`.  A ``new`` file or part has the mesh too, as a
-    piece of VTKHDF's unstructured grids for each rank.  Raises OSError where HDF5 fails.
+    The functions are those of :func:`discontinuous`.  The mesh of this rank's cells is added
+    where the file is ``new``.  Raises OSError where HDF5 fails.
     """
     import h5py
 
@@ -108,7 +108,7 @@ def append(functions: list[fem.Function], path: Path, time: float, new: bool) ->
             if new:
                 _append_mesh(group, functions[0].function_space)
             if comm.rank == 0:
-                _append_time(group, functions, time, comm.size)
+                _append_time(group, functions, time)
             for function in functions:
                 _extend(group, f"PointData/{function.name}", values_at_nodes(function))
     except (OSError, RuntimeError) as error:  # with texts of many lines
@@ -120,24 +120,27 @@ def append(functions: list[fem.Function], path: Path, time: float, new: bool) ->
 def _append_mesh(group: Any, space: fem.FunctionSpace) -> None:
     cells, kinds, nodes = vtk_mesh(space)
     in_cell = space.dofmap.list.shape[1]
-    links = cells.reshape(-1, in_cell + 1)[:, 1:]
+    links = cells.reshape(-1, in_cell + 1)[:, 1:].astype(np.int64)
+    # The nodes of a cell are its own, so that offsets in the list of links are numbers of nodes.
+    first = len(group["Points"]) if "Points" in group else 0
+    offsets = first + in_cell * np.arange(len(links) + 1)
+    _extend(group, "Offsets", offsets[1:] if "Offsets" in group else offsets)
+    _extend(group, "Points", nodes[: links.size])
+    _extend(group, "Connectivity", first + links.reshape(-1))
+    _extend(group, "Types", kinds.astype(np.uint8))
     group.attrs["Version"] = [2, 0]
     group.attrs["Type"] = np.bytes_("UnstructuredGrid")
-    _extend(group, "NumberOfPoints", [links.size])
-    _extend(group, "NumberOfCells", [len(links)])
-    _extend(group, "NumberOfConnectivityIds", [links.size])
-    _extend(group, "Points", nodes[: links.size])
-    _extend(group, "Connectivity", links.reshape(-1).astype(np.int64))
-    _extend(group, "Offsets", in_cell * np.arange(len(links) + 1))
-    _extend(group, "Types", kinds.astype(np.uint8))
+    numbers = {"Points": "Points", "Cells": "Types", "ConnectivityIds": "Connectivity"}
+    for name, rows in numbers.items():
+        group.require_dataset(f"NumberOf{name}", (1,), np.int64)[0] = len(group[rows])
 
 
-def _append_time(group: Any, functions: list[fem.Function], time: float, parts: int) -> None:
+def _append_time(group: Any, functions: list[fem.Function], time: float) -> None:
     """Where a time has its values; the mesh is that of the first time."""
     steps = group.require_group("Steps")
     _extend(steps, "Values", [time])
     steps.attrs["NSteps"] = len(steps["Values"])
-    _extend(steps, "NumberOfParts", [parts])
+    _extend(steps, "NumberOfParts", [1])
     for name in ("PartOffsets", "PointOffsets"):
         _extend(steps, name, [0])
     for name in ("CellOffsets", "ConnectivityIdOffsets"):

@@ -37,7 +37,6 @@ class StudyProblem(DiscreteProblem):
 
     def __init__(self, parameters: Parameters, domain: Domain, element: Element) -> None:
         self.parameters = parameters
-        of_mesh = [finding.at(domain.origin) for finding in domain.findings]
         parameters.check_dimension(domain.dim)
         self.probes = locate(domain, parameters.output.probes)
         steps, loads = parameters.steps, parameters.loads
@@ -55,8 +54,7 @@ class StudyProblem(DiscreteProblem):
         body.require_free(contacts)
         super().__init__(body, contacts, parameters.penalty, clock)
         self.rigidity.require_held()
-        # Two contacts may have one section of friction.
-        self.findings = list(dict.fromkeys([*of_mesh, *self.findings]))
+        self.require_times(clock.planned)
 
     def advance(self, time: float) -> None:
         """Put the data that depend on the time to a time; collective.

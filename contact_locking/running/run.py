@@ -227,7 +227,7 @@ def write(
         def finish() -> None:
             _write_texts(complete, staging)
             for name in names.FILES_OF_RUN:
-                files.put_in_place(staging / name, target / name)
+                files.replace_file(staging / name, target / name)
 
         on_root_of(comm, target, finish)
     for number, other in enumerate(solution.others, start=2):
@@ -256,7 +256,7 @@ def save_as(solution: Solution, directory: Path, name: str) -> None:
     with _staging(comm, directory) as staging:
         folder, write_folder = staging / name, checkpoints.gathered(solution)
         on_root_of(comm, directory, lambda: write_folder(folder))
-        on_root_of(comm, directory, lambda: files.put_in_place(folder, directory / name))
+        on_root_of(comm, directory, lambda: files.replace_file(folder, directory / name))
 
 
 def facets_table(facets: IntArray) -> Table:

@@ -25,7 +25,7 @@ from contact_locking.errors import (
     InputError,
     NoRoom,
     explained,
-    tells_of_full_disk,
+    reports_full_disk,
 )
 from contact_locking.files import locked, make_folders, remove_abandoned, write_text
 from contact_locking.plain_text import duration
@@ -280,7 +280,7 @@ def _solve(study: Study, plan: Plan, say: Say) -> None:
                 say(f"{of}  {result.state}{reason}  ({duration(ended.seconds)})")
                 for warning in result.warnings:
                     say(f"{'':{2 * width + 3}} warning: {warning}")
-                if tells_of_full_disk(result.reason):
+                if reports_full_disk(result.reason):
                     raise NoRoom(f"{result.reason}\n{_GO_ON}")
             if time.monotonic() > written + _TABLE_SECONDS:
                 study.write_table()

@@ -28,7 +28,7 @@ from contact_locking.process.problem_solver import ProblemSolver
 from contact_locking.results.probes import sample
 from contact_locking.results.solution import Solution
 from contact_locking.running.assembly import StudyProblem, assemble, mesh_of
-from contact_locking.solver.monitor import Attentive, Monitor
+from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Adaptation, Settings
 from contact_locking.solver.task import Outcome
 from contact_locking.study_file import problem_fingerprint, require_parameters
@@ -189,7 +189,7 @@ def solve_adaptively(
     The loop ends where the estimate of the error is not known.  Raises InputError for data that
     cannot be used.
     """
-    listener = Attentive(monitor or Monitor())
+    listener = monitor or Monitor()
     require_parameters(parameters)
     geometry, starts = parameters.mesh.geometry, [restart]
 
@@ -219,7 +219,7 @@ def solve_steps(
     from the last of them.  ``domain`` is a mesh in place of the study's.  Raises InputError for
     data that cannot be used.
     """
-    monitor = Attentive(monitor or Monitor())
+    monitor = monitor or Monitor()
     start = time.perf_counter()
     if restart is not None:
         last = SavedSteps(Path(restart)).folders[-1]
@@ -230,7 +230,7 @@ def solve_steps(
     fingerprint = on_root(comm, lambda: study_file.fingerprint(parameters))
     for finding in problem.findings:
         monitor.message(f"warning: {finding}")
-    said = set[tuple[str, str]]()
+    said = {(finding.code, finding.key) for finding in problem.findings}
     with contextlib.closing(SolvableStudy(problem, monitor, petsc_options)) as study:
         for solution in study.solutions(restart):
             for number, chart in enumerate(parameters.output.charts):

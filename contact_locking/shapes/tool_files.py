@@ -189,7 +189,7 @@ def _numbers(path: Path) -> FloatArray:
                 numbers = _rows(path, 0)
             except ValueError:
                 numbers = _rows(path, 1)
-        numbers = np.asarray(numbers, dtype=float)
+        numbers = np.asarray(numbers).astype(float, casting="same_kind")
     except (ValueError, TypeError, EOFError, OSError) as error:
         raise InputError(f"{path} cannot be read as rows of numbers: {error}") from None
     if numbers.ndim != 2:

@@ -32,25 +32,23 @@ FILTER_LIMIT = {(2, 1): 1_000_000, (2, 2): 1_000_000, (3, 1): 100_000, (3, 2): 3
 _RANK, _UNKNOWN, _FACTOR, _ITERATIVE = 0.23e9, {2: 3.2e3, 3: 5.6e3}, (145.0, 4 / 3), 5.5e3
 
 
-def chosen(linear: str, dim: int, size: int) -> str:
-    """The name that ``linear`` stands for: auto is direct or iterative, by dimension and size.
+def is_direct(linear: str, dim: int, size: int) -> bool:
+    """Whether ``linear`` means a factorisation, as auto does by dimension and size.
 
     ``size`` are the unknowns of a cube that takes as long to factorise.
     """
-    if linear != "auto":
-        return linear
-    return "direct" if size <= DIRECT_LIMIT[dim] else "iterative"
+    return size <= DIRECT_LIMIT[dim] if linear == "auto" else linear == "direct"
 
 
 def estimated_memory(linear: str, dim: int, unknowns: int, size: int, ranks: int) -> float:
-    """About the bytes that a solve takes on all ranks together; ``size`` as in `chosen`.
+    """About the bytes that a solve takes on all ranks together; ``size`` as in `is_direct`.
 
     Nobody knows before the solve how much of the body locks.
     """
     memory = ranks * _RANK + _UNKNOWN[dim] * unknowns
     if dim == 2:
         return memory
-    if chosen(linear, dim, size) == "iterative":
+    if not is_direct(linear, dim, size):
         return memory + _ITERATIVE * unknowns
     coefficient, power = _FACTOR
     # A factor in pieces on several ranks takes twice the memory.
@@ -229,11 +227,6 @@ _MUMPS: dict[str, Any] = {"pc_factor_mat_solver_type": "mumps", "mat_mumps_icntl
 def default_options(linear: str, dim: int, size: int, comm: Any) -> dict[str, Any]:
     """PETSc options for direct, iterative, or auto (by dimension and size)."""
     return direct_options(comm) if is_direct(linear, dim, size) else iterative_options()
-
-
-def is_direct(linear: str, dim: int, size: int) -> bool:
-    """Whether ``linear`` means a factorisation."""
-    return chosen(linear, dim, size) == "direct"
 
 
 def direct_options(comm: Any) -> dict[str, Any]:

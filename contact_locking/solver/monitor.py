@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 
 class Monitor:
     """Receives the progress of a solve and shows nothing; derived classes show the progress.
@@ -41,26 +39,3 @@ class Monitor:
 
     def finish(self) -> None:
         """The last stage is over."""
-
-
-class Attentive(Monitor):
-    """Passes all calls on to ``listener``, except for warnings that it has passed on before."""
-
-    def __init__(self, listener: Monitor) -> None:
-        self._listener = listener
-        self._warnings: set[str] = set()
-
-    def message(self, text: str) -> None:
-        if text not in self._warnings:
-            self._listener.message(text)
-        if text.startswith("warning"):
-            self._warnings.add(text)
-
-
-def _passed_on(name: str) -> Callable[..., None]:
-    return lambda attentive, *values: getattr(attentive._listener, name)(*values)
-
-
-for _name in vars(Monitor).keys() - {"message"}:
-    if not _name.startswith("_"):
-        setattr(Attentive, _name, _passed_on(_name))

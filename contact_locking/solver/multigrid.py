@@ -223,9 +223,9 @@ class StiffPart(NamedTuple):
 
     ``nodes`` are the local numbers of its owned nodes; ``find_nearly`` finds them together with
     those that may soon be stiff, too; ``assemble_rest`` gives another matrix of the same pattern
-    the values without the stiffness of ``nodes``.  ``find_rows`` returns the rows C and the
-    stiffness B of :class:`Projection`, for points that are still stiffer, and ``assemble_across``
-    assembles the matrix without ``C^T B C``.  All are collective.
+    the values without what is stiff.  ``find_rows`` returns the rows C and the stiffness B of
+    :class:`Projection`, for points that are still stiffer, and ``assemble_across`` assembles the
+    matrix without ``C^T B C``.  All are collective.
     """
 
     nodes: IndexArray

@@ -10,32 +10,29 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
 from contact_locking.errors import Infeasible, NotConverged
-from contact_locking.findings import Finding
 from contact_locking.laws.limits import Penalty
 from contact_locking.parallel import maximum
 from contact_locking.problem.system import System, SystemState
 from contact_locking.solver.interior_point.judge import GAP_ROUNDING
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.interior_point.tuning import CLOSE, WIDE, Approach
-from contact_locking.solver.ksp import LinearFailure, is_direct
 from contact_locking.solver.task import Counts, Outcome, SavedState, Target, Task, stage_of
 
 _MORE_ITERATIONS = "Raise solver.max_iterations if it was low."
 BOUND_ADVICE = (
-    "If the friction bound does not settle, lower friction.coefficient or enlarge "
+    "If the friction bound does not settle, lower the loads or friction.coefficient, or enlarge "
     "friction.smoothing.radius."
 )
 # Less friction is no help for a body that friction holds.
 _HELD_BY_FRICTION = (
-    "Friction alone holds the body: if the loads need all of the friction there is, press the body "
-    "more, raise friction.coefficient, or hold the body by loads.displacements.  If the friction "
-    "bound does not settle, enlarge friction.smoothing.radius."
+    "Friction alone holds the body: if the loads need all of the friction there is, lower them, "
+    "press the body more, raise friction.coefficient, or hold the body by loads.displacements.  If "
+    "the friction bound does not settle, enlarge friction.smoothing.radius."
 )
 _VERGE_ADVICE = (
     "If the strain limit only just admits the prescribed displacements and the gap, as round "
@@ -375,25 +372,19 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
     """Solve the system of ``task`` for the penalty of its target; collective.
 
     The solve tries the state ``saved`` first; the outcome's ``from_saved`` says whether that led to
-    the solution.  If the iterative linear solver fails on a problem for which auto is direct, the
-    attempt is repeated with the direct one.
+    the solution.
     """
     penalty, reasons = task.target.penalty, Reasons(task)
     task.monitor.stage(1, 1, penalty.n, penalty.epsilon)
     # Without friction all attempts would be the same.
-    warnings, attempts = list[Finding](), list(LADDER if task.system.rubbing else LADDER[:1])
-    while not (outcome := _attempt(attempts[0], task, saved)).converged:
-        saved = None
-        if outcome.failure == LinearFailure.code and _may_factorise(task):
-            task = task.with_settings(linear="direct")
-            warnings.append(Finding("solver.factorised"))
-        elif len(attempts) > 1 and reasons.may_have_solution(outcome):
-            del attempts[0]
-        else:
-            outcome = reasons.explain(outcome)
-            break
-    stages = [stage_of(penalty, task.counts.tangents)]
-    outcome = replace(outcome.with_counts(task.counts, stages), warnings=warnings)
+    first, *others = LADDER if task.system.rubbing else LADDER[:1]
+    outcome = _attempt(first, task, saved)
+    for approach in others:
+        if not outcome.converged and reasons.may_have_solution(outcome):
+            outcome = _attempt(approach, task, None)
+    if not outcome.converged:
+        outcome = reasons.explain(outcome)
+    outcome = outcome.with_counts(task.counts, [stage_of(penalty, task.counts.tangents)])
     task.system.tools.update_unloaded(task.system.u)
     task.monitor.counted(outcome.tangents, outcome.updates)
     return outcome
@@ -417,10 +408,3 @@ def _attempt(approach: Approach, task: Task, saved: SavedState | None) -> Outcom
         )
     finally:
         solver.destroy()
-
-
-def _may_factorise(task: Task) -> bool:
-    """Whether the settings say iterative, auto would be direct, and no PETSc options are set."""
-    settings, dim, size = task.settings, task.system.dim, task.system.size
-    is_small = is_direct("auto", dim, size) and not is_direct(settings.linear, dim, size)
-    return is_small and not settings.petsc

@@ -24,21 +24,22 @@ from typing import Any
 
 from petsc4py import PETSc
 
+from contact_locking.problem.system import affine_part
 from contact_locking.solver.ksp import (
     FILTER_LIMIT,
     FROM_ANY_START,
     IterationListener,
     LinearFailure,
     Unblocked,
-    chosen,
     create_ksp,
     destroy_ksp,
     direct_options,
+    is_direct,
     iterative_options,
     user_options,
 )
 from contact_locking.solver.multigrid import CoarserSpace, FilteredMultigrid, StiffPart
-from contact_locking.solver.settings import Settings
+from contact_locking.solver.task import Counts, Task
 
 #: Gives a matrix the values of the tangent; collective.
 Assemble = Callable[[PETSc.Mat], None]
@@ -92,9 +93,9 @@ class MultigridTangents:
     and so are all that follow.  All of it is collective.
 
     The matrix is stored in blocks and has its near-nullspace.  ``dim`` and ``degree`` are those of
-    the elements, ``listen`` is told the number of each Krylov iteration, ``coarser`` is the coarser
-    space of multigrid, if any, and ``options`` are those of the user, which override those that
-    this has, the type of the solver included.
+    the elements, ``listen`` is told the number of each Krylov iteration, which ``counts`` adds up,
+    ``coarser`` is the coarser space of multigrid, if any, and ``options`` are those of the user,
+    which override those that this has, the type of the solver included.
     """
 
     direct = None
@@ -106,11 +107,11 @@ class MultigridTangents:
         degree: int,
         options: Mapping[str, Any],
         listen: Callable[[int], None],
+        counts: Counts,
         coarser: CoarserSpace | None = None,
     ) -> None:
         self._matrix, self._dim, comm = matrix, dim, matrix.getComm()
-        #: The Krylov iterations so far.
-        self.iterations = 0
+        self.counts = counts
         self._has_filtered = False
         self._follow: Follow | None = None
         kind = user_options(options).get("ksp_type")
@@ -178,10 +179,10 @@ class MultigridTangents:
         size = right.norm() or 1.0
         enough = min(max(residual, _ROUNDING * size), (1.0 if is_rough else _LOOSEST) * size)
         if self._can_filter and not self.filters:
-            before = self.iterations
+            before = self.counts.linear
             left = self._improve(right, step, enough, min(self._patience, self._most))
             if not is_rough:
-                self._patience = max(self._patience - (self.iterations - before), 0)
+                self._patience = max(self._patience - (self.counts.linear - before), 0)
             if left <= enough:
                 return
             self._multigrid.refresh(self._stiff)
@@ -230,7 +231,7 @@ class MultigridTangents:
             self._ksp.solve(right, x)
             self._listener.raise_kept()
             count += self._ksp.getIterationNumber()
-            self.iterations += self._ksp.getIterationNumber()
+            self.counts.linear += self._ksp.getIterationNumber()
         # Rounding keeps what GMRES has achieved from being seen.
         ends_small = self._ksp.getConvergedReason() > 0
         return self._ksp.getResidualNorm() if ends_small else self._residual(right, x)
@@ -252,32 +253,28 @@ _WITH_ANOTHER: dict[str, Any] = {
 _NOT_DEFINITE = 71
 
 
-def tangent_solver(
-    matrix: PETSc.Mat,
-    dim: int,
-    degree: int,
-    settings: Settings,
-    listen: Callable[[int], None],
-    find_coarser: Callable[[], CoarserSpace | None],
-) -> KspTangents | MultigridTangents:
+def tangent_solver(matrix: PETSc.Mat, task: Task) -> KspTangents | MultigridTangents:
     """The solver by the settings; with a preconditioner of the user, PETSc's KSP alone; collective.
 
-    The arguments are those of :class:`MultigridTangents`, whose coarser space ``find_coarser``
-    finds.
+    ``matrix`` is that of :class:`MultigridTangents`.
     """
-    petsc, comm = settings.petsc, matrix.getComm()
-    if chosen(settings.linear, dim, matrix.getSize()[0]) == "direct":
-        return KspTangents(matrix, direct_options(comm), petsc, True, listen)
+    system, petsc = task.system, task.settings.petsc
+    dim, degree = system.dim, system.data.element.degree
+    common = petsc, task.monitor.linear, task.counts
+    if is_direct(task.settings.linear, dim, matrix.getSize()[0]):
+        return KspTangents(matrix, direct_options(matrix.getComm()), True, *common)
     if user_options(petsc).get("pc_type", OWN_PRECONDITIONER) != OWN_PRECONDITIONER:
-        return KspTangents(matrix, _WITH_ANOTHER, petsc, False, listen)
-    return MultigridTangents(matrix, dim, degree, petsc, listen, find_coarser())
+        return KspTangents(matrix, _WITH_ANOTHER, False, *common)
+    affine = affine_part(system.u.function_space, system.constraints) if degree > 1 else None
+    coarser = None if affine is None else CoarserSpace(*affine)
+    return MultigridTangents(matrix, dim, degree, *common, coarser)
 
 
 class KspTangents:
     """Solves with the tolerances of the options, ``overrides`` before ``defaults``; collective.
 
     ``is_direct`` tells that the defaults factorise.  Otherwise ``listen`` is told the number of
-    each Krylov iteration.
+    each Krylov iteration; ``counts`` adds them up.
     """
 
     filters = solves_following = False
@@ -286,13 +283,12 @@ class KspTangents:
         self,
         matrix: PETSc.Mat,
         defaults: Mapping[str, Any],
-        overrides: Mapping[str, Any],
         is_direct: bool,
+        overrides: Mapping[str, Any],
         listen: Callable[[int], None],
+        counts: Counts,
     ) -> None:
-        self._matrix, self._unblocked = matrix, Unblocked()
-        #: The Krylov iterations so far.
-        self.iterations = 0
+        self._matrix, self._unblocked, self.counts = matrix, Unblocked(), counts
         self._ksp = create_ksp(matrix.getComm(), defaults, overrides)
         #: The factorisation, if there is one, until this is destroyed.  Other tangents that are
         #: assembled into its matrix need no symbolic factorisation.
@@ -320,7 +316,7 @@ class KspTangents:
         self._ksp.solve(right, step)
         if self._listener is not None:
             self._listener.raise_kept()
-        self.iterations += self._ksp.getIterationNumber()
+        self.counts.linear += self._ksp.getIterationNumber()
         if self._has_negative_pivots():
             raise PETSc.Error(_NOT_DEFINITE)
 

@@ -86,11 +86,6 @@ class Multipliers:
         self.locking_stress.x.scatter_forward()
 
 
-# How far two solves for the same friction bound may differ, over the rounding in one of them: the
-# margin of the certificate's criteria.
-_ROUNDING_OF_SOLVES = 100.0
-
-
 @dataclass(frozen=True)
 class Target:
     """The penalty parameters to solve for, and the scales of the problem.
@@ -240,25 +235,8 @@ class Task:
     is_unbalanced: Callable[[], bool] = lambda: False
     searches: bool = True
 
-    def with_settings(self, **changes: Any) -> Task:
-        """The task with some settings changed."""
-        settings = self.settings.model_copy(update=changes)
-        return dataclasses.replace(self, settings=settings)
-
     def aside(self, counts: Counts, target: Target | None = None) -> Task:
         """The same task, or one with another target, without messages and with these counts."""
         return dataclasses.replace(
             self, target=target or self.target, monitor=Monitor(), counts=counts
         )
-
-    def least_bound(self) -> float:
-        """The norm below which changes of the friction bound are judged absolutely; collective.
-
-        Two solves for nearly the same bound differ by rounding in the displacement, which is large
-        beside the strain of a body that moves far.  The criteria permit as much.
-        """
-        system, tolerance = self.system, self.settings.tolerance
-        displacement = system.largest_displacement()
-        strain = self.target.mean_strain(system.energy(), 0.0, tolerance)
-        rounding = self.target.mean_strain(0.0, displacement, tolerance)
-        return self.target.least_bound(max(strain, _ROUNDING_OF_SOLVES * rounding))

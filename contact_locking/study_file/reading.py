@@ -61,12 +61,12 @@ class Source:
         """The message in one line, with the line of the key or of the nearest section above it."""
         match self.origin(key):
             case int(line):
-                return f"{self.name}:{line}: {tell(message, key)}"
+                return f"{self.name}:{line}: {message_about(message, key)}"
             case str(override) if override == key:
-                return f"--set {tell(message, key)}"
+                return f"--set {message_about(message, key)}"
             case str(override):
-                return f"--set {override}: {tell(message, key)}"
-        return f"{self.name}: {tell(message, key)}"
+                return f"--set {override}: {message_about(message, key)}"
+        return f"{self.name}: {message_about(message, key)}"
 
     def origin(self, key: str) -> int | str | None:
         """The origin of a key, or of the nearest section above it."""
@@ -91,7 +91,7 @@ class Source:
         self.origins.update(dict.fromkeys((*created, key), key))
 
 
-def tell(message: str, key: str) -> str:
+def message_about(message: str, key: str) -> str:
     """``key: message`` in one line, with long parts shortened and control characters escaped."""
     text = _short(printable(" ".join(message.split())), _MAX_MESSAGE)
     shown = _short(key if key.isprintable() else ascii(key), _MAX_KEY)
@@ -394,7 +394,7 @@ def from_mapping(data: Mapping[str, Any], folder: str | Path = ".") -> Parameter
     require_kind(data, Mapping, "a mapping of keys such as mesh and loads", "data")
     parameters, faults = _check(_with_on(data), Path(folder))
     if parameters is None:
-        lines = [tell(fault.message, _key(fault)) for fault in faults]
+        lines = [message_about(fault.message, _key(fault)) for fault in faults]
         raise InputError(_listed(lines, _MORE))
     return parameters
 
@@ -432,7 +432,7 @@ def _check(data: dict[str, Any], folder: Path) -> tuple[Parameters | None, list[
         # An unknown key is often what another one is missing for.
         unknown = [fault for fault in faults if fault.message.startswith("unknown key")]
         for fault in unknown or faults:
-            text = tell(fault.message, _key(fault)) if fault.place else fault.message
+            text = message_about(fault.message, _key(fault)) if fault.place else fault.message
             wrong.setdefault(text, []).append(shown)
     if wrong:
         listed = []

@@ -28,7 +28,6 @@ import numpy as np
 from contact_locking.arrays import FloatArray
 from contact_locking.errors import NotConverged
 from contact_locking.problem.system import System
-from contact_locking.solver.interior_point.family import Reaction
 from contact_locking.solver.interior_point.method import InteriorPoint
 from contact_locking.solver.task import Outcome, SavedState, Task
 
@@ -146,8 +145,9 @@ class BoundMap:
             step = np.zeros(size)
             step[column] = 1.0
             pairs = zip(laws, self.vectors.split(step), strict=True)
-            reactions = [Reaction(law.friction, law.friction.response(step)) for law, step in pairs]
-            displacement = self._solver.respond(reactions)
+            displacement = self._solver.respond(
+                {law.friction: law.friction.response(step) for law, step in pairs}
+            )
             matrix[:, column] = self.vectors.join([law.moved_by(displacement) for law in laws])
         return matrix
 

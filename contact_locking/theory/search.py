@@ -60,13 +60,13 @@ def has_map(task: Task) -> bool:
 
 def sharpened(task: Task) -> Task:
     """The task with the settings that values of the map need."""
-    return task.with_settings(
-        tolerance=_SHARPER * task.settings.tolerance,
-        max_iterations=_LONGER * task.settings.max_iterations,
-    )
+    settings = task.settings
+    sharper, longer = _SHARPER * settings.tolerance, _LONGER * settings.max_iterations
+    settings = settings.model_copy(update={"tolerance": sharper, "max_iterations": longer})
+    return replace(task, settings=settings)
 
 
-def settled_from(task: Task, value: Outcome) -> Outcome:
+def solved_from(task: Task, value: Outcome) -> Outcome:
     """The solution near a value of the map, with bounds that follow the pressure; collective."""
     assert value.last is not None
     solver = InteriorPoint(task)
@@ -119,13 +119,13 @@ class Equilibria:
         if bounds is None or self._newton.residual <= self._newton.tolerance:
             return bounds
         with contextlib.suppress(NotConverged):
-            self._settle()
+            self._solved()
             settled = self.map.vectors.in_force()
             return None if deflation and deflation.is_known(settled) else settled
         return None
 
-    def _settle(self) -> Outcome:
-        return settled_from(self._task.aside(self.counts), self.map.outcome)
+    def _solved(self) -> Outcome:
+        return solved_from(self._task.aside(self.counts), self.map.outcome)
 
     def others(self, first: FloatArray) -> Iterator[FloatArray]:
         """Solutions beside a known one: those on branches, then those that deflation finds.
@@ -191,7 +191,7 @@ class Equilibria:
         image, norm = self.map(bounds), self.map.vectors.norm
         change = norm(image - bounds) / (norm(image) or 1.0)
         if change > self._newton.tolerance:
-            return self._settle()
+            return self._solved()
         return replace(self.map.outcome, friction_change=change)
 
     def destroy(self) -> None:

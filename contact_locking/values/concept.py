@@ -59,11 +59,11 @@ CHOICES = SECTION, LIST, TEXT, ONLY = "<section>", "<list>", "<text>", "<only>"
 
 
 def faults_of(
-    error: ValidationError, tell: Callable[[Any, Place], str | None] = lambda *_: None
+    error: ValidationError, message_of: Callable[[Any, Place], str | None] = lambda *_: None
 ) -> list[Fault]:
     """The faults with their places; at most some 20 of them.
 
-    ``tell`` makes a message of the details of an error and its place, None for the usual one.
+    ``message_of`` makes a message of the details of an error and its place, None for the usual one.
     """
     faults: list[Fault] = []
     for details in itertools.islice(error.errors(include_url=False), MOST_FAULTS):
@@ -74,7 +74,7 @@ def faults_of(
         if isinstance(cause, FaultsError):
             faults += [Fault((*place, *fault.place), fault.message) for fault in cause.faults]
         else:
-            faults.append(Fault(place, tell(details, place) or value_message(details)))
+            faults.append(Fault(place, message_of(details, place) or value_message(details)))
     return faults
 
 

@@ -75,8 +75,7 @@ def _reason(value: Any, error: InputError) -> str:
     return "" if shown else f" ({error})"
 
 
-def _finite(value: Any) -> float:
-    return _number(value, infinite=False)
+_finite = partial(_number, infinite=False)
 
 
 def _number_or_infinite(value: Any) -> float:
@@ -84,8 +83,8 @@ def _number_or_infinite(value: Any) -> float:
 
 
 def _not_tiny(value: float) -> float:
-    if 0.0 < value < SMALLEST:
-        raise ValueError(f"must be at least {SMALLEST:g}, not {show(value)}")
+    if 0.0 < abs(value) < SMALLEST:
+        raise ValueError(f"must be at least {SMALLEST:g} in size, not {show(value)}")
     return value
 
 
@@ -195,11 +194,7 @@ class ScalarRule(NamedTuple):
         numbers, tables = SCOPE.get()
         try:
             expression = parse(
-                value,
-                self.variables,
-                allow_infinite=self.infinite,
-                tables=tables,
-                numbers=numbers,
+                value, self.variables, allow_infinite=self.infinite, tables=tables, numbers=numbers
             )
             number = float(expression.numpy()) if expression.is_constant else None
         except InputError as error:
@@ -224,6 +219,7 @@ class ScalarRule(NamedTuple):
         for holds, sign, bound in bounds:
             if not holds:
                 raise ValueError(f"must be {sign} {show(bound)}, not {show(number)}")
+        _not_tiny(number)
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> core_schema.CoreSchema:
         return core_schema.no_info_before_validator_function(self.__call__, handler(source))

@@ -18,7 +18,7 @@ from contact_locking.arrays import AXES, LARGEST, FloatArray
 from contact_locking.errors import InputError, with_key
 from contact_locking.expressions import TIME, Expression, Lookup, parse
 from contact_locking.expressions.tree import value_and_gradient
-from contact_locking.files import number_at, place_of, rows_of
+from contact_locking.files import numbers_in, place_of, rows_of
 from contact_locking.plain_text import nearest
 
 # An argument may lie outside of the table by this share of its range, which is rounding.
@@ -77,13 +77,12 @@ class Tabulated:
         path = Path(file)
         with rows_of(path, "file") as rows:
             header = [title.strip() for title in next(rows, [])]
-            places = [
-                with_key(key, partial(place_of, title, header, path))
+            places = {
+                title: with_key(key, partial(place_of, title, header, path))
                 for key, title in (("over", over), ("column", column))
-            ]
-            filled = (row for row in rows if any(cell.strip() for cell in row))
-            pairs = [[number_at(place, row)[0] for place in places] for row in filled]
-        points, values = np.array(pairs, dtype=float).reshape(-1, 2).T
+            }
+            numbers = with_key("file", partial(numbers_in, rows, places, path))
+        points, values = np.array(numbers, dtype=float).reshape(-1, len(places))[:, [0, -1]].T
         try:
             return cls(points, values, argument, name)
         except InputError as error:
@@ -115,7 +114,7 @@ class Tabulated:
 
 def _numbers(data: npt.ArrayLike, key: str) -> FloatArray:
     try:
-        array = np.array(data, dtype=float)
+        array = np.array(data).astype(float, casting="same_kind")
     except (TypeError, ValueError):
         raise InputError("must be numbers (k,)", f"Tabulated.{key}") from None
     if array.ndim != 1 or len(array) < 2:
@@ -190,6 +189,13 @@ class Value:
             values = self.data.value if is_constant else self.data(points)
         whole = (*points.shape[1:], *shape)
         return np.broadcast_to(np.asarray(values, dtype=float), whole).copy()
+
+    def require_times(self, place: FloatArray, times: Sequence[float]) -> None:
+        """Raise InputError if a table of t alone leaves no value at a time, at the place (d, 1)."""
+        for lookup in self.expression.lookups if self.expression else ():
+            for time in times if lookup.names == {TIME} else ():
+                if np.isnan(lookup.table(lookup.argument_at(**{TIME: time}))):
+                    self.at(place, time)
 
     def unchecked(
         self,

@@ -242,8 +242,11 @@ def test_files_that_are_no_height_maps_are_refused(
 
 
 @pytest.mark.serial
-def test_objects_in_a_numpy_file_are_not_loaded(tmp_path: Path) -> None:
+@pytest.mark.parametrize("heights", [[[{}, {}], [{}, {}]], [[0.0, 1j], [0.0, 1.0]]])
+def test_a_numpy_file_of_objects_or_complex_numbers_is_refused(
+    tmp_path: Path, heights: Any
+) -> None:
     file = tmp_path / "map.npy"
-    np.save(file, np.array([[{}, {}], [{}, {}]]), allow_pickle=True)
+    np.save(file, np.array(heights), allow_pickle=True)
     with pytest.raises(InputError, match="cannot be read as rows of numbers"):
         read_heights(file, (1.0, 1.0))

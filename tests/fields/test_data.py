@@ -15,19 +15,13 @@ from verification_table import Rows
 
 from contact_locking import study_file
 from contact_locking.laws.body import isotropic_stiffness, lame_from_young
-from contact_locking.results.solution import StudySolution
 from contact_locking.study_file.parameters import Parameters
 
 pytestmark = pytest.mark.serial
 
 
-def _solved(parameters: Parameters) -> StudySolution:
-    solution = solved(parameters)
-    return solution
-
-
 def _same(first: Parameters, second: Parameters, tolerance: float = 1e-8) -> None:
-    a, b = _solved(first).summary, _solved(second).summary
+    a, b = solved(first).summary, solved(second).summary
     for key in ("compliance", "elastic_energy", "strain_norm_max", "locked_fraction"):
         assert a[key] == pytest.approx(b[key], rel=tolerance), key
     for key in ("contact_force", "friction_force"):
@@ -40,11 +34,7 @@ LAME = lame_from_young(1.0, 0.3)
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize(
     "elasticity",
-    [
-        {"lambda": LAME[0], "mu": LAME[1]},
-        {"young": "1 + 0*x", "poisson": "0.3"},
-        "stiffness",
-    ],
+    [{"lambda": LAME[0], "mu": LAME[1]}, {"young": "1 + 0*x", "poisson": "0.3"}, "stiffness"],
     ids=["lame", "expressions", "stiffness"],
 )
 def test_isotropic_elasticity_can_be_given_in_every_way(dim: int, elasticity: Any) -> None:
@@ -62,15 +52,11 @@ def test_a_region_and_an_expression_say_the_same() -> None:
     stiff = {"elasticity": {"young": 10.0, "poisson": 0.3}, "locking_limit": math.inf}
     soft = {"elasticity": {"young": 1.0, "poisson": 0.3}, "locking_limit": 0.02}
     inside = "(x - 0.5)**2 + (y - 0.5)**2 < 0.25**2"
-    _same(
-        _inclusion({**soft, "regions": {"inclusion": stiff}}),
-        _inclusion(
-            {
-                "elasticity": {"young": f"10 if {inside} else 1", "poisson": 0.3},
-                "locking_limit": f"inf if {inside} else 0.02",
-            }
-        ),
-    )
+    varied = {
+        "elasticity": {"young": f"10 if {inside} else 1", "poisson": 0.3},
+        "locking_limit": f"inf if {inside} else 0.02",
+    }
+    _same(_inclusion({**soft, "regions": {"inclusion": stiff}}), _inclusion(varied))
 
 
 @pytest.mark.slow

@@ -50,6 +50,7 @@ WRONG = [
     ("loads.tractions", [{"on": "topp", "value": [0, 1]}]),
     ("loads.tractions", [{"on": ["top", "top"], "value": [0, 1]}]),
     ("loads.tractions", [{"on": "top", "value": [None, 1]}]),
+    ("loads.tractions", [{"on": "top", "value": [0, -1e-200]}]),
     ("loads.displacements", [{"on": "top", "value": [None, None]}]),
     ("output.directory", "d" * 3901),
     ("study", {"vary": {f"k{k}": [1] for k in range(101)}}),

@@ -12,6 +12,7 @@ from petsc4py import PETSc
 from contact_locking.solver import tangent_solver
 from contact_locking.solver.multigrid import StiffPart
 from contact_locking.solver.tangent_solver import MultigridTangents
+from contact_locking.solver.task import Counts
 
 _NODES, _FREE = 60, 3
 
@@ -41,7 +42,7 @@ def filtered(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[PETSc.Mat, Multi
     stiff = np.array([k - first for k in range(first, last) if 10 <= k <= 30], dtype=np.int32)
     part = StiffPart(stiff, lambda: stiff, lambda matrix: soft.copy(matrix), _refuse, _refuse)
     monkeypatch.setattr(tangent_solver, "_PATIENCE", {3: 0})
-    solver = MultigridTangents(chain, 3, 1, {}, lambda iteration: None)
+    solver = MultigridTangents(chain, 3, 1, {}, lambda iteration: None, Counts())
     solver.refresh(lambda matrix: None, lambda: part)
     yield chain, solver
     solver.destroy()
@@ -101,6 +102,6 @@ def test_what_follows_the_displacement_without_symmetry_is_solved_for(
     follow(x, left)
     left.aypx(-1.0, right)
     assert left.norm() <= asked
-    assert 0 < solver.iterations <= 40
+    assert 0 < solver.counts.linear <= 40
     for vector in (right, towards, seen, x, left):
         vector.destroy()

@@ -9,8 +9,6 @@ from problems import block, solved
 from solved_by_cg import crushed_steel
 
 from contact_locking.running import solving
-from contact_locking.solver.ksp import LinearFailure
-from contact_locking.solver.tangent_solver import MultigridTangents
 from contact_locking.study_file.parameters import Parameters
 
 
@@ -67,18 +65,6 @@ def test_an_iterative_solver_that_gets_nowhere_is_said_to() -> None:
     solution = solving.solve(parameters, petsc_options={"ksp_max_it": 1})
     assert not solution.converged
     assert solution.failure == "solver.linear"
-
-
-def test_an_iterative_solver_that_gets_nowhere_gives_way_to_a_direct_one(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def stall(*_: object, **__: object) -> None:
-        raise LinearFailure
-
-    monkeypatch.setattr(MultigridTangents, "solve", stall)
-    solution = solving.solve(block(3, 0.25, solver__linear="iterative"))
-    assert solution.converged
-    assert sum(each.code == "solver.factorised" for each in solution.warnings) == 1
 
 
 @pytest.mark.parametrize("length", [1.0, 1e9])

@@ -23,10 +23,10 @@ def _count_iterations(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     improve = MultigridTangents._improve
 
     def counted(self: MultigridTangents, *given: Any) -> float:
-        before = self.iterations
+        before = self.counts.linear
         left = improve(self, *given)
         if self._follow is None:
-            counts.append(self.iterations - before)
+            counts.append(self.counts.linear - before)
         return left
 
     monkeypatch.setattr(MultigridTangents, "_improve", counted)

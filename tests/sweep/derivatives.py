@@ -61,6 +61,9 @@ def compared(study: Study, seed: int) -> Compared | None:
     random = np.random.default_rng([seed, 49])
     data = copy.deepcopy(study)
     data["solver"] = {**data.get("solver", {}), **SHARP}
+    for contact in data["contact"] if isinstance(data["contact"], list) else [data["contact"]]:
+        if "against" in contact:
+            contact["pair"] = "once"
     try:
         parameters = Parameters.model_validate(data)
         keys = list(_keys(parameters))

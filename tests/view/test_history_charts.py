@@ -14,7 +14,7 @@ from contact_locking.results.table import Table
 from contact_locking.running.run import run
 from contact_locking.study_file import from_mapping
 from contact_locking.view import report
-from contact_locking.view.report.run_charts import Process, column_of, wanted_charts
+from contact_locking.view.report.run_charts import Process, charts_of, column_of
 
 pytestmark = pytest.mark.serial
 
@@ -55,11 +55,11 @@ def test_values_are_those_of_columns_and_of_expressions_of_columns() -> None:
 
 def test_a_chart_has_a_curve_for_each_case_and_a_wrong_column_is_named() -> None:
     cases = [Process(HISTORY, f"mu = {mu}") for mu in (0.1, 0.3)]
-    (drawn,) = wanted_charts([CURVE], cases, ["plate"], {"force": "N/mm", "length": "mm"})
+    (drawn,) = charts_of([CURVE], cases, ["plate"], {"force": "N/mm", "length": "mm"})
     assert drawn.description == "-contact_force_plate_y over -motion_plate_y"
-    assert wanted_charts([CURVE], [Process(Table.of(HISTORY.rows[:1]))], [], {}) == []
+    assert charts_of([CURVE], [Process(Table.of(HISTORY.rows[:1]))], [], {}) == []
     with pytest.raises(InputError) as caught:
-        wanted_charts([{"x": "t", "y": "contact_force_top_y"}], cases, ["plate"], {})
+        charts_of([{"x": "t", "y": "contact_force_top_y"}], cases, ["plate"], {})
     assert caught.value.key == "output.charts.0.y"
 
 

@@ -72,10 +72,10 @@ def test_a_picture_in_the_plane_is_drawn(kind: str, tmp_path: Path, comm: MPI.In
 def test_the_legend_has_each_name_once_for_a_contact_of_several_lines() -> None:
     body = snapshot()
     assert body is not None
-    contact, axes = body.contact, matplotlib.figure.Figure().subplots(2)
+    contact, (axes, strip) = body.contact, matplotlib.figure.Figure().subplots(2)
     facets = np.delete(contact.facets, 1, axis=0)
-    draw_tractions(*axes, contact.points, facets, {}, 1.0, contact.smoothed)
-    assert len(axes[0].get_legend_handles_labels()[1]) == 4
+    draw_tractions(axes, strip, contact.points, facets, {}, 1.0, contact.smoothed)
+    assert len(axes.get_legend_handles_labels()[1]) == 4
 
 
 def test_a_picture_that_fails_says_why_on_every_rank_and_leaves_no_file(

@@ -24,7 +24,7 @@ from contact_locking.parallel import on_any_rank, on_every_rank
 from contact_locking.solver.interior_point.bound_step import BoundStep, MovingBound
 from contact_locking.solver.interior_point.cones import Composite, Pair, Pieces
 from contact_locking.solver.interior_point.contact_cones import ContactCones
-from contact_locking.solver.interior_point.family import Direction, Family, Reaction
+from contact_locking.solver.interior_point.family import Direction, Family
 from contact_locking.solver.interior_point.half_lines import HalfLinePieces
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.judge import Judge
@@ -121,7 +121,6 @@ class ActiveSet:
         self._tangent.update()
         for family, law in self._laws.items():
             family.takes_part = True
-            family.update(self._tangent.present())
             family.z[:] = 0.0
             law.start(np.zeros_like(family.seen))
             if isinstance(family, ContactCones):
@@ -135,22 +134,20 @@ class ActiveSet:
             return None
         return self._solve_or_restore(is_linearised=False)
 
-    def fits(self, last: SavedState) -> bool:
-        """Whether a saved state has pairs of the shapes of these laws."""
-        families = list(self._laws)
-        fits = len(families) == len(last.cones) and all(
-            pair is None or pair[1].shape == family.z.shape
-            for family, pair in zip(families, last.cones, strict=True)
-        )
-        return on_every_rank(self._tangent.comm, fits)
-
     def from_last(self, last: SavedState) -> Iterate | None:
         """As :meth:`from_elastic`, from the solution of the previous step.
 
         The system has the prescribed displacements of the present step.  The first Newton step uses
-        the pieces of that solution and the change of the prescribed displacements.
+        the pieces of that solution and the change of the prescribed displacements.  None as well if
+        the pairs of ``last`` do not have the shapes of these laws.
         """
-        system = self._task.system
+        system, families = self._task.system, self._tangent.families
+        fits = len(families) == len(last.cones) and all(
+            pair is None or pair[1].shape == family.z.shape
+            for family, pair in zip(families, last.cones, strict=True)
+        )
+        if not on_every_rank(self._tangent.comm, fits):
+            return None
         start = system.u.x.array.copy(), system.tools.travels
         moved = system.constraints.held_part(start[0] - last.displacement)
         # If supports move, nodes that slid start sticking: sliding would strain the surface next to
@@ -163,7 +160,6 @@ class ActiveSet:
         self._judge.begin(self._judge.mean_strain(self._task.settings.tolerance))
         for (family, law), pair in zip(self._laws.items(), last.cones, strict=True):
             family.takes_part = True
-            family.update(self._tangent.present())
             x, z = (np.zeros_like(family.x), np.zeros_like(family.z)) if pair is None else pair
             law.resume((slides_on * x, z))
             for bound in self._fixed:
@@ -171,12 +167,11 @@ class ActiveSet:
                     family.z[0] = bound.friction.nodes.of_all(bound.in_force)
             law.linearise()
             law.evaluate()
+        before = {law: law.cone.seen for law in self._laws.values()}
         system.constraints.apply(system.u)
         self._tangent.update()
-        for family, law in self._laws.items():
-            before = family.seen
-            family.update(self._tangent.present())
-            law.extrapolate(before)
+        for law, seen in before.items():
+            law.extrapolate(seen)
         iterate = self._solve_or_restore(is_linearised=True)
         if iterate is None:
             system.u.x.array[:], system.tools.travels = start
@@ -217,7 +212,7 @@ class ActiveSet:
     def _solve(self, is_linearised: bool) -> Iterate:
         """The iterate at the solution; raises NotConverged."""
         task, tangent = self._task, self._tangent
-        iterate, laws = Iterate(tangent, self._tuning.band), self._laws.values()
+        iterate, laws = Iterate(tangent), self._laws.values()
         progress: list[_Progress] = []
         bound_step: BoundStep | None = None
         keeps = reached = is_cycle = False
@@ -301,7 +296,7 @@ class ActiveSet:
         return self._direction_of(self._displacement())
 
     def _displacement(self) -> FloatArray:
-        aims = [Reaction(family, law.aim) for family, law in self._laws.items()]
+        aims = {family: law.aim for family, law in self._laws.items()}
         step = self._tangent.solve_step(aims, self._task.settings.tolerance)
         if on_any_rank(self._tangent.comm, ~np.isfinite(step)):
             # With NaN the measures would be those of a body at rest.
@@ -320,9 +315,8 @@ class ActiveSet:
         tangent.move(1.0, direction.displacement)
         tangent.update()
         steps = self._cones.steps(direction.step)
-        for (family, law), step in zip(self._laws.items(), steps, strict=True):
-            family.update(tangent.present())
-            law.advance(step)
+        for family, law in self._laws.items():
+            law.advance(steps[family])
         if not self._moving:
             return
         self._task.counts.updates += 1

@@ -22,7 +22,7 @@ often no further back-substitution is needed.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,7 +33,7 @@ from contact_locking.contact.nodal_contact import NodalContact
 from contact_locking.parallel import maximum, on_any_rank
 from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.contact_cones import ContactCones, FrictionCones
-from contact_locking.solver.interior_point.family import Direction, Reaction
+from contact_locking.solver.interior_point.family import Direction, Reactions
 from contact_locking.solver.interior_point.lorentz import dot, norm
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -142,8 +142,7 @@ class BoundStep:
             return
         steps = [law.distance(predictor) for law in self._laws]
         self._predicted = self._norm(np.concatenate(steps))
-        for law, part in zip(self._laws, steps, strict=True):
-            law.change(part)
+        self._change(steps)
 
     def agrees(self, direction: Direction) -> bool:
         """Whether the steps of the bounds nearly agree with a direction."""
@@ -155,28 +154,32 @@ class BoundStep:
         for law in self._laws:
             law.friction.bound_step = np.zeros(len(law.friction.weights))
 
-    def standing(self, rest: Direction) -> list[Reaction]:
-        """The reactions to the steps of the bounds for du = 0.
+    def stand(self, rest: Direction) -> None:
+        """Set the steps of the bounds for du = 0, without a least bound.
 
         ``rest`` is the direction for zero steps of displacement and bounds.
         """
-        self._standing = [law.distance(rest) for law in self._laws]
-        return self._reactions(self._standing)
+        for law in self._laws:
+            law.friction.bound_step = law.distance(rest)
 
-    def following(self, displacement: FloatArray) -> list[Reaction]:
+    def following(self, displacement: FloatArray) -> Reactions:
         """The reactions to the steps of the bounds that a displacement step adds."""
-        return self._reactions([law.moved_by(displacement) for law in self._laws])
+        return self._reactions(law.moved_by(displacement) for law in self._laws)
 
     def follow(self, displacement: FloatArray) -> bool:
-        """Set the steps of the bounds for a displacement step; False if a bound is cut."""
-        parts = zip(self._laws, self._standing, strict=True)
-        is_cut = any([law.change(part + law.moved_by(displacement)) for law, part in parts])
+        """Add the steps of the bounds by a displacement step; False if a bound is cut."""
+        return self._change(law.moved_by(displacement) for law in self._laws)
+
+    def _change(self, steps: Iterable[FloatArray]) -> bool:
+        """Change the step of each bound; False if a bound is cut."""
+        parts = zip(self._laws, steps, strict=True)
+        is_cut = any([law.change(part) for law, part in parts])
         return not on_any_rank(self._tangent.comm, is_cut)
 
-    def _reactions(self, steps: Sequence[FloatArray]) -> list[Reaction]:
+    def _reactions(self, steps: Iterable[FloatArray]) -> Reactions:
         """The change of friction by the steps of the bounds for du = 0."""
         parts = zip(self._laws, steps, strict=True)
-        return [Reaction(law.friction, law.friction.response(part)) for law, part in parts]
+        return {law.friction: law.friction.response(part) for law, part in parts}
 
     def misses(self, direction: Direction) -> float:
         """The relative distance of the steps of the bounds from those that agree."""
@@ -188,9 +191,7 @@ class BoundStep:
         """Make the bounds agree; returns the change of displacement, None if a bound is cut."""
         right = np.concatenate([law.distance(direction) for law in self._laws])
         change, displacement = self._solve(right)
-        parts = zip(self._laws, np.split(change, self._ends), strict=True)
-        is_cut = any([law.change(part) for law, part in parts])
-        return None if on_any_rank(self._tangent.comm, is_cut) else displacement
+        return displacement if self._change(np.split(change, self._ends)) else None
 
     def _solve(self, right: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The steps of the bounds for a right-hand side, and their displacement.
@@ -222,8 +223,8 @@ class BoundStep:
 
     def _learn(self, step: FloatArray) -> None:
         """Compute the response to one more step, orthogonalised against the known ones."""
-        parts = np.split(step, self._ends)
-        du = self._tangent.respond(self._reactions(parts), self._tuning.linear_loosest)
+        reactions = self._reactions(np.split(step, self._ends))
+        du = self._tangent.respond(reactions, self._tuning.linear_loosest)
         moved = np.concatenate([law.moved_by(du) for law in self._laws])
         new = step.copy(), step - moved, du
         for known in self._known:

@@ -108,27 +108,30 @@ class Cone(ABC):
         """The correction that roughly returns products after a step t to a band per volume."""
 
 
-class Composite(Cone):
+C = TypeVar("C", bound="PointCones")
+
+
+class Composite(Cone, Generic[C]):
     """Several cones as one: points, multipliers, steps and reactions are concatenated, flat."""
 
-    def __init__(self, cones: Sequence[PointCones]) -> None:
+    def __init__(self, cones: Sequence[C]) -> None:
         self.cones = tuple(cones)
         self._points = [cone.z.shape for cone in cones]
         self._seen = [cone.reactions.shape for cone in cones]
         self.measure = sum(cone.measure for cone in cones)
 
-    def of_points(self, values: FloatArray) -> list[FloatArray]:
+    def of_points(self, values: FloatArray) -> dict[C, FloatArray]:
         """Values of points or multipliers, cone by cone."""
-        return _parts(values, self._points)
+        return self._parts(values, self._points)
 
-    def of_seen(self, values: FloatArray) -> list[FloatArray]:
+    def of_seen(self, values: FloatArray) -> dict[C, FloatArray]:
         """Values of ``lin(u)`` or of reactions, cone by cone."""
-        return _parts(values, self._seen)
+        return self._parts(values, self._seen)
 
-    def steps(self, step: Step) -> list[Step]:
+    def steps(self, step: Step) -> dict[C, Step]:
         """A step, cone by cone."""
-        pairs = zip(self.of_points(step.primal), self.of_points(step.dual), strict=True)
-        return [Step(*pair) for pair in pairs]
+        primal, dual = self.of_points(step.primal), self.of_points(step.dual)
+        return {cone: Step(primal[cone], dual[cone]) for cone in self.cones}
 
     def joined(self, steps: Iterable[Step]) -> Step:
         """The step of all cones from those of each."""
@@ -140,14 +143,15 @@ class Composite(Cone):
         return joined(cone.reactions for cone in self.cones)
 
     def total(self, t: float = 0.0, step: Step | None = None) -> float:
-        steps = [None for _ in self.cones] if step is None else self.steps(step)
-        return sum(cone.total(t, part) for cone, part in zip(self.cones, steps, strict=True))
+        if step is None:
+            return sum(cone.total() for cone in self.cones)
+        return sum(cone.total(t, part) for cone, part in self.steps(step).items())
 
     def speeds(self, step: Step) -> FloatArray:
-        return joined(cone.speeds(part) for cone, part in self._with(step))
+        return joined(cone.speeds(part) for cone, part in self.steps(step).items())
 
     def advance(self, t: float, step: Step) -> None:
-        for cone, part in self._with(step):
+        for cone, part in self.steps(step).items():
             cone.advance(t, part)
 
     def largest_multiplier(self) -> float:
@@ -158,38 +162,32 @@ class Composite(Cone):
             cone.linearise()
 
     def block(self, seen: FloatArray) -> FloatArray:
-        pairs = zip(self.cones, self.of_seen(seen), strict=True)
-        return joined(cone.block(part) for cone, part in pairs)
+        return joined(cone.block(part) for cone, part in self.of_seen(seen).items())
 
     def aim(self, target: float, correction: FloatArray | None = None) -> FloatArray:
         if correction is None:
             return joined(cone.aim(target) for cone in self.cones)
-        pairs = zip(self.cones, self.of_points(correction), strict=True)
-        return joined(cone.aim(target, part) for cone, part in pairs)
+        parts = self.of_points(correction)
+        return joined(cone.aim(target, part) for cone, part in parts.items())
 
     def step(self, seen: FloatArray) -> Step:
-        pairs = zip(self.cones, self.of_seen(seen), strict=True)
-        return self.joined(cone.step(part) for cone, part in pairs)
+        return self.joined(cone.step(part) for cone, part in self.of_seen(seen).items())
 
     def correction(self, step: Step) -> FloatArray:
-        return joined(cone.correction(part) for cone, part in self._with(step))
+        return joined(cone.correction(part) for cone, part in self.steps(step).items())
 
     def recentring(self, t: float, step: Step, band: tuple[float, float]) -> FloatArray:
-        return joined(cone.recentring(t, part, band) for cone, part in self._with(step))
+        return joined(cone.recentring(t, part, band) for cone, part in self.steps(step).items())
 
-    def _with(self, step: Step) -> Iterable[tuple[PointCones, Step]]:
-        return zip(self.cones, self.steps(step), strict=True)
+    def _parts(self, values: FloatArray, shapes: Sequence[tuple[int, ...]]) -> dict[C, FloatArray]:
+        ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1]
+        parts = zip(self.cones, np.split(values, ends), shapes, strict=False)
+        return {cone: part.reshape(shape) for cone, part, shape in parts}
 
 
 def joined(arrays: Iterable[FloatArray]) -> FloatArray:
     """Arrays of any shapes as one flat array."""
     return np.concatenate([np.empty(0), *(values.reshape(-1) for values in arrays)])
-
-
-def _parts(values: FloatArray, shapes: Sequence[tuple[int, ...]]) -> list[FloatArray]:
-    ends = np.cumsum([math.prod(shape) for shape in shapes])[:-1]
-    flat = np.split(values, ends)[: len(shapes)]
-    return [part.reshape(shape) for part, shape in zip(flat, shapes, strict=True)]
 
 
 class PointCones(Cone):
@@ -347,9 +345,6 @@ class LorentzCones(PointCones):
 
     def block(self, seen: FloatArray) -> FloatArray:
         return np.asarray(self.a * seen + self.b * dot(self.w, seen) * self.w)
-
-
-C = TypeVar("C", bound=PointCones)
 
 
 class Pieces(ABC, Generic[C]):

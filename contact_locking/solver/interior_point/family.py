@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from mpi4py import MPI
@@ -101,10 +102,6 @@ class Family(PointCones):
         """Write the block D for the tangent."""
         self.write_springs([values for _, values in self.springs])
 
-    def soften(self, factor: float, material: float) -> None:
-        """Write the block without the stiffness that the filter handles."""
-        self.write_block()
-
     @abstractmethod
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         """The owned nodes where the block is stiffer than the material by a factor."""
@@ -132,8 +129,8 @@ class Family(PointCones):
         rows = self.along(np.concatenate(points), np.hstack(directions))
         return rows, np.concatenate(stiffness)
 
-    def soften_along(self, factor: float, material: float) -> None:
-        """Write the block without the stiffness of :meth:`stiff_rows`."""
+    def soften(self, factor: float, material: float) -> None:
+        """Write the block without what :meth:`stiff_rows` takes, for multigrid."""
         soft, kept = self.soft_springs(material)
         self.write_springs(
             [
@@ -143,20 +140,8 @@ class Family(PointCones):
         )
 
 
-@dataclass(frozen=True)
-class Reaction:
-    """Reactions of a family on the body, in the shape of its ``seen``."""
-
-    family: Family
-    values: FloatArray
-
-    @classmethod
-    def of(cls, families: Iterable[Family]) -> list[Reaction]:
-        return [cls(family, family.reactions) for family in families]
-
-    def add_to(self, forces: PETSc.Vec) -> None:
-        """Add the forces; collective."""
-        self.family.add_forces(self.values, forces)
+#: The reactions of families on the body, in the shapes of what they see.
+Reactions: TypeAlias = Mapping[Family, FloatArray]
 
 
 @dataclass(frozen=True)
@@ -165,11 +150,11 @@ class Direction:
 
     displacement: FloatArray
     step: Step
-    cones: Composite
+    cones: Composite[Family]
 
     def of(self, family: Family) -> Step:
         """The step of one family."""
-        return self.cones.steps(self.step)[self.cones.cones.index(family)]
+        return self.cones.steps(self.step)[family]
 
     def plus(self, other: Direction, share: float) -> Direction:
         """The direction plus ``share`` times the other."""

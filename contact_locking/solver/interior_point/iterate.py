@@ -24,7 +24,7 @@ from contact_locking.solver.interior_point.contact_cones import (
     ContactNodes,
     FrictionCones,
 )
-from contact_locking.solver.interior_point.family import Direction, Family, Reaction
+from contact_locking.solver.interior_point.family import Direction, Family, Reactions
 from contact_locking.solver.interior_point.locking_cones import (
     LimitsOfStrain,
     LockingCones,
@@ -106,8 +106,8 @@ class Iterate:
     are collective.
     """
 
-    def __init__(self, tangent: Tangent, band: tuple[float, float]) -> None:
-        self.tangent, self.comm, self._band = tangent, tangent.comm, band
+    def __init__(self, tangent: Tangent) -> None:
+        self.tangent, self.comm = tangent, tangent.comm
         self.families = [family for family in tangent.families if family.takes_part]
         self.cones = Composite(self.families)
         self.measure = float(self.comm.allreduce(self.cones.measure)) or 1.0
@@ -117,12 +117,6 @@ class Iterate:
         """Whether all points and multipliers are finite."""
         arrays = [values for family in self.families for values in (family.x, family.z)]
         return on_every_rank(self.comm, all(bool(np.isfinite(each).all()) for each in arrays))
-
-    def update(self) -> None:
-        """Update forces and families to the system's displacement, for the methods below."""
-        self.tangent.update()
-        for family in self.families:
-            family.update(self.tangent.present())
 
     def soften(self, softness: float) -> None:
         """Let steps have at least the compliance ``softness``, a strain over a stress."""
@@ -154,28 +148,19 @@ class Iterate:
         Forces are linear in displacement and multipliers; products change in second order.
         """
         at_rest = self._direction_of(self.tangent.zeros())
-        steps = zip(self.families, self.cones.steps(direction.step), strict=True)
-        reactions = [
-            Reaction(family, family.reactions_of(family.z + t * step.dual))
-            for family, step in steps
-        ]
+        steps = self.cones.of_points(t * direction.step.dual)
+        reactions = {family: family.reactions_of(family.z + step) for family, step in steps.items()}
         du = self.tangent.step_after(t * direction.displacement, reactions, accuracy)
         return direction.plus(self._direction_of(du).plus(at_rest, -1.0), 1.0 / t)
 
-    def aims(self, target: float, corrections: FloatArray | None) -> list[Reaction]:
+    def aims(self, target: float, corrections: FloatArray | None) -> Reactions:
         """The reactions after a step towards products of ``target``, for du = 0."""
-        aims = self.cones.of_seen(self.cones.aim(target, corrections))
-        return [Reaction(*pair) for pair in zip(self.families, aims, strict=True)]
+        return self.cones.of_seen(self.cones.aim(target, corrections))
 
     def _direction_of(self, du: FloatArray) -> Direction:
         """The steps of the families for a step du, towards their targets."""
         seen = joined(family.see(du) for family in self.families)
         return Direction(du, self.cones.step(seen), self.cones)
-
-    def recentring(self, reach: float, direction: Direction, target: float) -> FloatArray:
-        """The corrections that bring products after a step of ``reach`` near to ``target``."""
-        band = self._band[0] * target, self._band[1] * target
-        return -self.cones.recentring(reach, direction.step, band)
 
     def longest_step(self, direction: Direction) -> float:
         """The largest step length for which all points stay in their cones."""
@@ -222,7 +207,7 @@ class Iterate:
         A force below the rounding in the reactions counts as within the tolerance: a strain
         beyond its limit makes reactions large compared with loads and elastic forces.
         """
-        reactions = Reaction.of(self.families)
+        reactions = {family: family.reactions for family in self.families}
         unbalanced, held = self.tangent.residual_norms(reactions)
         # Without any forces the scale may be 0.
         relative = unbalanced / max(scale, ROUNDING * held / tolerance) if unbalanced > 0.0 else 0.0

@@ -23,7 +23,7 @@ from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.bound_step import MovingBound
 from contact_locking.solver.interior_point.contact_cones import FrictionCones, OnContact
-from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.family import Family, Reactions
 from contact_locking.solver.interior_point.iterate import Iterate
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -77,7 +77,7 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
         for family in iterate.families
         if not (isinstance(family, FrictionCones) or family.tool is not None)
     ]
-    reactions = Reaction.of(limits)
+    reactions: Reactions = {family: family.reactions for family in limits}
     is_open = system.held_by_friction or (system.held_by_contact and system.tools)
     if is_open or not _resistance(iterate, reactions) < _power(iterate, reactions):
         return None
@@ -94,20 +94,16 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     tangent.refresh()
     try:
         with linear_failures():
-            rho = tangent.balance(reactions, _ACCURACY)
+            rho = tangent.answer(tangent.forces(reactions), _ACCURACY)
     except NotConverged:
         return None
-    reactions = [
-        Reaction(item.family, item.values - springs[item.family] * item.family.see(rho))
-        for item in reactions
-    ]
+    reactions = {f: values - springs[f] * f.see(rho) for f, values in reactions.items()}
     power, resistance = _power(iterate, reactions), _resistance(iterate, reactions)
     resistance += _work_beyond(system, rho, _SMALL_STRAIN)
     # The residual of the linear solve and springs may work along any admissible displacement.
     farthest = system.largest_displacement() + _SMALL_STRAIN * target.length
     resistance += (tangent.residual_forces() + _pull_of_springs(system, rho)) * farthest
-    pressures = [item for item in reactions if isinstance(item.family, OnContact)]
-    pressed = (float(item.family.weights @ np.abs(item.values)) for item in pressures)
+    pressed = (f.weights @ np.abs(p) for f, p in reactions.items() if isinstance(f, OnContact))
     resistance += GAP_ROUNDING * target.length * _summed(iterate, pressed)
     # The resistance is infinite if a foundation would have to pull.
     if not power - resistance > _ROUNDING * (abs(power) + abs(resistance)):
@@ -115,16 +111,14 @@ def excluded_factor(iterate: Iterate, target: Target) -> float | None:
     return resistance / power if resistance > 0.0 else math.inf
 
 
-def _power(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
+def _power(iterate: Iterate, reactions: Reactions) -> float:
     """``B(u)`` at the present displacement; collective."""
-    return _summed(
-        iterate, (item.family.power(item.values, item.family.seen) for item in reactions)
-    )
+    return _summed(iterate, (f.power(values, f.seen) for f, values in reactions.items()))
 
 
-def _resistance(iterate: Iterate, reactions: Sequence[Reaction]) -> float:
+def _resistance(iterate: Iterate, reactions: Reactions) -> float:
     """R, infinite for a pressure that is negative somewhere; collective."""
-    return _summed(iterate, (item.family.resistance(item.values) for item in reactions))
+    return _summed(iterate, (f.resistance(values) for f, values in reactions.items()))
 
 
 def _summed(iterate: Iterate, local: Iterable[float]) -> float:
@@ -203,9 +197,9 @@ class Judge:
         self.least_force = self._least_energy / ((strain or 1.0) * target.length)
 
     def measure(self, iterate: Iterate) -> Measures:
-        """Update the iterate and measure it; collective."""
+        """Update the tangent and measure the iterate; collective."""
         tangent, target = self._tangent, self._task.target
-        iterate.update()
+        tangent.update()
         tolerance = self._task.settings.tolerance
         strain = self.mean_strain(tolerance)
         # The gap bounds the square of an error, so it is compared with the square of the rounding.

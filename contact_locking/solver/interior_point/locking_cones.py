@@ -230,10 +230,6 @@ class LimitsOfStrain(Family):
     def stiff_nodes(self, factor: float, material: float) -> IndexArray:
         return self.strains.nodes_at(self.is_stiff(factor, material))
 
-    def soften(self, factor: float, material: float) -> None:
-        is_stiff = self.is_stiff(factor, material)
-        self.write_springs([np.where(is_stiff, 0.0, values) for _, values in self.springs])
-
     def along(self, points: IndexArray, directions: FloatArray) -> PETSc.Mat:
         return self.strains.along(points, directions)
 
@@ -288,10 +284,6 @@ class LockingCones(LimitsOfStrain, Balls):
         self.strains.set_values(self._a, self.a)
         self.strains.set_values(self._b, stiffness[0])
         self.strains.set_tensors(self._w, self.w)
-
-    def soften(self, factor: float, material: float) -> None:
-        super().soften(factor, material)
-        self.strains.set_values(self._a, np.where(self.is_stiff(factor, material), 0.0, self.a))
 
 
 class StrainHalfLines(LimitsOfStrain, HalfLines):

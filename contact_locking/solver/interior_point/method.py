@@ -28,7 +28,6 @@ more than one with known bounds.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,7 +37,7 @@ from contact_locking.arrays import FloatArray
 from contact_locking.errors import Infeasible, NotConverged, raise_callback_error
 from contact_locking.solver.interior_point.active_set import FAILURE, ActiveSet
 from contact_locking.solver.interior_point.bound_step import BoundLaw
-from contact_locking.solver.interior_point.family import Direction, Reaction
+from contact_locking.solver.interior_point.family import Direction, Reactions
 from contact_locking.solver.interior_point.iterate import Iterate, families_of
 from contact_locking.solver.interior_point.judge import Judge, Measures, excluded_factor
 from contact_locking.solver.interior_point.search import Search
@@ -69,8 +68,7 @@ class InteriorPoint:
         self._tuning = tuning = Tuning()
         self._families = families_of(task.system, task.target, tuning.least_bound, share)
         self._tangent = Tangent(task, self._families.every, tuning)
-        self._iterate = Iterate(self._tangent, tuning.band)
-        self._search = Search(self._iterate, [], tuning, task.settings)
+        self._iterate = Iterate(self._tangent)
         self._judge = Judge(task, self._tangent, tuning)
         #: Whether the elastic displacement alone is the solution.
         self.is_elastic = False
@@ -158,7 +156,7 @@ class InteriorPoint:
         self._iterate.linearise()
         return [BoundLaw(bound, 1.0) for bound in bounds]
 
-    def respond(self, reactions: Sequence[Reaction]) -> FloatArray:
+    def respond(self, reactions: Reactions) -> FloatArray:
         """The displacement that reactions cause, by the last tangent.
 
         Raises NotConverged if rounding makes that tangent singular.
@@ -215,13 +213,10 @@ class InteriorPoint:
         self._expected = self._stiffest = math.inf
         self._crawled, self._gap = 0, 0.0
         self._pieces, self._is_from_saved, self.is_elastic = None, False, False
-        try:
-            with linear_failures():
-                is_solved = self._start(last, by_pieces_alone)
-        finally:
-            task.counts.linear += self._tangent.pop_iterations()
+        with linear_failures():
+            is_solved = self._start(last, by_pieces_alone)
         if self.is_elastic:
-            unbalanced = self._tangent.residual_norms([])[0]
+            unbalanced = self._tangent.residual_norms({})[0]
             task.monitor.iteration(0, unbalanced / (self._tangent.force_scale or 1.0))
         if self.is_elastic or is_solved:
             return self._gap
@@ -289,7 +284,7 @@ class InteriorPoint:
         task, target, tuning = self._task, self._task.target, self._tuning
         tangent, bounds = self._tangent, self._families.bounds
         pieces = self._pieces_of_laws(last is not None, by_pieces_alone)
-        if pieces is not None and last is not None and pieces.fits(last):
+        if pieces is not None and last is not None:
             self._is_from_saved = self._accept(pieces, pieces.from_last(last))
             if self._is_from_saved:
                 return True
@@ -320,7 +315,7 @@ class InteriorPoint:
             if not (bound.friction.takes_part or task.system.held_by_friction):
                 # Remove the springs of the elastic start, unless only they hold the body.
                 bound.friction.hold(0.0)
-        self._iterate = Iterate(tangent, tuning.band)
+        self._iterate = Iterate(tangent)
         self._iterate.soften(0.0)
         self._moving = [bound for bound in bounds if self.bound_moves and bound.friction.takes_part]
         settings, predicts = task.settings, self._approach.trusts_newton
@@ -382,25 +377,21 @@ class InteriorPoint:
 
     def _step(self, measures: Measures) -> bool:
         """Take a step; False if the step is too short to help."""
-        counts, iterate = self._task.counts, self._iterate
-        try:
-            for bound in self._moving:
-                bound.friction.growth = np.maximum(bound.slope(), 0.0)
-            with linear_failures():
-                direction, t = self._searched(measures)
-                t = self._tangent.trusted(t, direction.displacement)
-        finally:
-            counts.linear += self._tangent.pop_iterations()
+        for bound in self._moving:
+            bound.friction.growth = np.maximum(bound.slope(), 0.0)
+        with linear_failures():
+            direction, t = self._searched(measures)
+            t = self._tangent.trusted(t, direction.displacement)
         # Many short steps with moving friction bounds end this approach; another one may succeed.
         self._crawled = self._crawled + 1 if self._moving and t < self._tuning.short else 0
         if not t > self._tuning.shortest or self._crawled > self._tuning.short_steps:
             return False
-        iterate.advance(t, direction)
+        self._iterate.advance(t, direction)
         # The residual that the step should leave, unless the friction bounds are set anew.
         self._expected = (1.0 - t) * measures.equilibrium if self._tangent.is_linear else math.inf
         if self._moving:
             self._follow(t)
-            counts.updates += 1
+            self._task.counts.updates += 1
         return True
 
     def _searched(self, measures: Measures) -> tuple[Direction, float]:

@@ -69,10 +69,11 @@ class Search:
         best = self._with_bounds(bound_step, target, corrections)
         t = self._length(best)
         # 7. Recentring.
+        band = tuning.band[0] * target, tuning.band[1] * target
         for _ in range(tuning.recentrings):
             if t >= tuning.long_enough:
                 break
-            change = iterate.recentring(min(1.0, t + tuning.reach), best, target)
+            change = -iterate.cones.recentring(min(1.0, t + tuning.reach), best.step, band)
             recentred = iterate.direction(target, self._accuracy, corrections + change)
             candidate, share, longer = self._longest_towards(recentred, best)
             if longer < tuning.gain * t:
@@ -124,7 +125,7 @@ class Search:
         ``present`` is the direction for the present steps of the bounds, if known.  A joint solve
         with a filter or projection also starts better from it.
         """
-        if present is None and (self._iterate.tangent.filters or not self._solves_jointly):
+        if present is None and (self._iterate.tangent.linear.filters or not self._solves_jointly):
             present = self._iterate.direction(target, self._accuracy, corrections)
         if present is None or self._solves_jointly:
             return self._joint(bound_step, target, corrections)
@@ -134,9 +135,8 @@ class Search:
         """As :meth:`_with_bounds`, by one joint solve."""
         iterate, tangent = self._iterate, self._iterate.tangent
         bound_step.reset()
+        bound_step.stand(iterate.direction_with(tangent.zeros(), target, corrections))
         aims = iterate.aims(target, corrections)
-        rest = iterate.direction_with(tangent.zeros(), target, corrections)
-        aims = [*aims, *bound_step.standing(rest)]
         du = tangent.solve_following(aims, bound_step.following, self._accuracy)
         if bound_step.follow(du):
             return iterate.direction_with(du, target, corrections)

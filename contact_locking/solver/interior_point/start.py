@@ -10,7 +10,7 @@ from contact_locking.errors import NotConverged
 from contact_locking.parallel import maximum, on_every_rank
 from contact_locking.problem.motions import prescribed_motion
 from contact_locking.solver.interior_point.contact_cones import ContactCones, OnContact
-from contact_locking.solver.interior_point.family import Reaction
+from contact_locking.solver.interior_point.family import Reactions
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tangent import Tangent
 from contact_locking.solver.interior_point.tuning import Tuning
@@ -39,20 +39,23 @@ class ElasticStart:
         """Set the system to the elastic displacement; True if that is the solution."""
         tangent, tuning = self._tangent, self._tuning
         self._move_rigidly()
-        self._update()
+        tangent.update()
         if self._system.held_by_contact:
             self._carried = abs(tangent.load_work())
         push = self._set_springs()
         self._springs_hold = bool(push)
         # The rounding of the springs would move a body without loads.
-        is_at_rest = tangent.tools_rest and tangent.residual_norms([])[0] == 0.0
+        is_at_rest = tangent.tools_rest and tangent.residual_norms({})[0] == 0.0
         if is_at_rest and self._is_admissible(0.0):
             return True
         start = tangent.present()
-        self._moved, self._loaded = tangent.elastic_parts(tuning.start_accuracy, push)
+        # The steps by the elastic forces together with the springs, and by the loads.
+        elastic = -tangent.stretched - tangent.forces(push)
+        self._moved = tangent.answer(elastic, tuning.start_accuracy)
+        self._loaded = tangent.answer(tangent.load, tuning.start_accuracy)
         if tangent.is_linear:
             tangent.move(1.0, self._moved + self._loaded)
-            self._update()
+            tangent.update()
         else:
             self._minimise(push)
             self._loaded = tangent.present() - start - self._moved
@@ -72,11 +75,11 @@ class ElasticStart:
             # The values may be a share of what the conditions prescribe.
             u.x.array[:] = constraints.free_part(motion) + constraints.held_part(u.x.array)
 
-    def _minimise(self, push: list[Reaction]) -> None:
+    def _minimise(self, push: Reactions) -> None:
         """Newton's method on the energy of a body with a user's own energy; may not converge."""
         tangent, tolerance = self._tangent, self._tolerance
         for number in range(self._task.settings.max_iterations):
-            springs = [Reaction(f.family, f.values + f.family.block(f.family.seen)) for f in push]
+            springs = {f: pull + f.block(f.seen) for f, pull in push.items()}
             unbalanced = tangent.residual_norms(springs)[0]
             self._task.monitor.iteration(number, unbalanced / (tangent.force_scale or 1.0))
             if unbalanced <= tolerance * tangent.force_scale:
@@ -88,16 +91,16 @@ class ElasticStart:
                 self._task.counts.tangents += 1
             step = tangent.solve_step(springs, tolerance)
             tangent.move(tangent.trusted(1.0, step), step)
-            self._update()
+            tangent.update()
         raise NotConverged("Newton's method without contact and limits took too many steps")
 
     def _sharpen(self) -> None:
         """Refine the displacement until the forces are balanced to the tolerance."""
         tangent, accuracy = self._tangent, self._tuning.start_sharpness * self._tolerance
         for _ in range(_SHARP_SOLVES):
-            tangent.move(1.0, tangent.step_after(tangent.zeros(), [], accuracy))
-            self._update()
-            if tangent.residual_norms([])[0] <= self._tolerance * tangent.force_scale:
+            tangent.move(1.0, tangent.step_after(tangent.zeros(), {}, accuracy))
+            tangent.update()
+            if tangent.residual_norms({})[0] <= self._tolerance * tangent.force_scale:
                 break
 
     def level(self) -> float:
@@ -129,13 +132,8 @@ class ElasticStart:
         self._tangent.move(kept - 1.0, self._loaded)
         if not math.isfinite(self._system.forms.own_energy(self._system.u)):
             self._tangent.move(1.0 - kept, self._loaded)
-        self._update()
-        return max(self._size(), kept * self.strain)
-
-    def _update(self) -> None:
         self._tangent.update()
-        for family in self._tangent.families:
-            family.update(self._tangent.present())
+        return max(self._size(), kept * self.strain)
 
     def _size(self) -> float:
         """The mean strain, at least that which would remove the overlap with the foundation."""
@@ -145,13 +143,13 @@ class ElasticStart:
         deepest = maximum(self._tangent.comm, np.concatenate(depths))
         return max(strain, deepest / self._target.length)
 
-    def _set_springs(self) -> list[Reaction]:
+    def _set_springs(self) -> Reactions:
         """Assemble the tangent with the springs; returns their reactions at u = 0."""
         springs = self._target.ellipticity / self._target.length
         for family in self._tangent.families:
             family.hold(springs if family in self._sprung else 0.0)
         self._tangent.refresh()
-        return [Reaction(family, family.pull(springs)) for family in self._sprung]
+        return {family: family.pull(springs) for family in self._sprung}
 
     @property
     def _sprung(self) -> list[OnContact]:
@@ -179,4 +177,4 @@ def rests(task: Task, tangent: Tangent) -> bool:
     keeps = all(family.is_kept(0.0, displacement) for family in tangent.families)
     if not on_every_rank(tangent.comm, keeps):
         return False
-    return tangent.residual_norms([])[0] <= tolerance * tangent.force_scale
+    return tangent.residual_norms({})[0] <= tolerance * tangent.force_scale

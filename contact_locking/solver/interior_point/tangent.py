@@ -17,13 +17,12 @@ from contact_locking.errors import NotConverged
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import JointForm
 from contact_locking.problem.rounding import ROUNDING
-from contact_locking.problem.system import affine_part
 from contact_locking.solver.interior_point.contact_cones import ContactNodes, OnContact
-from contact_locking.solver.interior_point.family import Family, Reaction
+from contact_locking.solver.interior_point.family import Family, Reactions
 from contact_locking.solver.interior_point.locking_cones import LimitsOfStrain
 from contact_locking.solver.interior_point.tuning import Tuning
 from contact_locking.solver.ksp import IN_BLOCKS, is_direct, stacked
-from contact_locking.solver.multigrid import CoarserSpace, StiffPart
+from contact_locking.solver.multigrid import StiffPart
 from contact_locking.solver.tangent_solver import Follow, tangent_solver
 from contact_locking.solver.task import Task
 
@@ -81,36 +80,34 @@ class Tangent:
         self._stiffest = float(self.elasticity.norm(PETSc.NormType.NORM_INFINITY))
         self._vectors = [self.matrix.createVecRight() for _ in range(5)]
         self._step, self._answer, self._right, self._moved, self._product = self._vectors
-        self._load = self._stretched = self._unbalanced = self.zeros()
-        self._linear = tangent_solver(
-            self.matrix,
-            system.dim,
-            data.element.degree,
-            task.settings,
-            task.monitor.linear,
-            self._coarser_space,
-        )
+        #: The loads, and the elastic forces.
+        self.load = self.stretched = self._unbalanced = self.zeros()
+        self.linear = tangent_solver(self.matrix, task)
+        #: The direct solver of the tangents, if any.
+        self.direct = self.linear.direct
 
     def update(self) -> None:
-        """Evaluate elastic forces and energy at the system's displacement."""
+        """Evaluate elastic forces, energy and all families at the system's displacement."""
         system, tools = self.system, self.system.tools
         displacement = self.present()
+        for family in self.families:
+            family.update(displacement)
         displacement[self._owned :] = tools.travels
-        self._load = np.append(system.load, tools.forces)
+        self.load = np.append(system.load, tools.forces)
         if self.is_linear:
-            self._stretched = self.elastic_times(displacement)
+            self.stretched = self.elastic_times(displacement)
             self.energy = self._energy_of(displacement)
         else:
             sprung = tools.stiffnesses * displacement[self._owned :]
-            self._stretched = np.append(self._body_forces(), sprung)
+            self.stretched = np.append(self._body_forces(), sprung)
             self.energy = system.energy()
-        acting = max(self._norm(self._load), self._norm(self._stretched))
+        acting = max(self._norm(self.load), self._norm(self.stretched))
         self.force_scale = system.rounding.raise_above(acting, self._tolerance)
-        self._unbalanced = self._stretched - self._load
+        self._unbalanced = self.stretched - self.load
 
     def load_work(self) -> float:
         """``(f, u)`` of the system's displacement."""
-        return self._dot(self._load, self.present())
+        return self._dot(self.load, self.present())
 
     def refresh(self) -> None:
         """Assemble the tangent with the present blocks of all families."""
@@ -120,25 +117,25 @@ class Tangent:
             self.elasticity.zeroEntries()
             petsc.assemble_matrix(self.elasticity, self._compiled_elastic)
             self.elasticity.assemble()
-        self._linear.refresh(self._assemble, self.stiff_part)
+        self.linear.refresh(self._assemble, self.stiff_part)
         self._refresh_border()
         self._step.set(0.0)
 
-    def residual_norms(self, reactions: Sequence[Reaction]) -> tuple[float, float]:
+    def residual_norms(self, reactions: Reactions) -> tuple[float, float]:
         """The norms of the unbalanced forces at free dofs, and of those at held dofs."""
         forces = self._unbalanced + self.forces(reactions)
         free = self._free(forces)
         return self._norm(free), self._norm(forces - free)
 
-    def tool_residual(self, reactions: Sequence[Reaction]) -> float:
+    def tool_residual(self, reactions: Reactions) -> float:
         """The largest unbalanced force on an acting tool, relative to its forces."""
         tools = self.system.tools
         if not tools:
             return 0.0
         unbalanced = (self._unbalanced + self.forces(reactions))[self._owned :]
         local = np.zeros(len(tools))
-        for reaction in reactions:
-            reaction.family.add_tool_forces(reaction.values, local, magnitudes=True)
+        for family, values in reactions.items():
+            family.add_tool_forces(values, local, magnitudes=True)
         sizes = np.maximum(self.comm.allreduce(local), np.abs(tools.forces))
         acting = np.array([tool.acts for tool in tools]) & (sizes > 0.0)
         return float(np.max(np.abs(unbalanced)[acting] / sizes[acting], initial=0.0))
@@ -149,7 +146,7 @@ class Tangent:
         return not self._unbalanced[self._owned :].any()
 
     def solve_step(
-        self, reactions: Sequence[Reaction], accuracy: float, is_rough: bool = False
+        self, reactions: Reactions, accuracy: float, is_rough: bool = False
     ) -> FloatArray:
         """The displacement step that balances these reactions.
 
@@ -159,28 +156,21 @@ class Tangent:
         right = -self._unbalanced - self.forces(reactions)
         return self._solve(right, self._step, accuracy * self.force_scale, is_rough)
 
-    def step_after(
-        self, step: FloatArray, reactions: Sequence[Reaction], accuracy: float
-    ) -> FloatArray:
+    def step_after(self, step: FloatArray, reactions: Reactions, accuracy: float) -> FloatArray:
         """As :meth:`solve_step`, from zero and with the elastic forces of ``step`` added before."""
         self._unbalanced = self._unbalanced + self.elastic_times(step)
         self._step.set(0.0)
         return self.solve_step(reactions, accuracy, is_rough=True)
 
     @property
-    def filters(self) -> bool:
-        """Whether the preconditioner filters or projects what is stiff, at present."""
-        return self._linear.filters
-
-    @property
     def solves_following(self) -> bool:
         """Whether :meth:`solve_following` is available: not while a tool presses."""
-        return self._linear.solves_following and not self.system.tools.act
+        return self.linear.solves_following and not self.system.tools.act
 
     def solve_following(
         self,
-        reactions: Sequence[Reaction],
-        follow: Callable[[FloatArray], Sequence[Reaction]],
+        reactions: Reactions,
+        follow: Callable[[FloatArray], Reactions],
         accuracy: float,
     ) -> FloatArray:
         """The step that balances reactions and others that depend linearly on the step.
@@ -197,18 +187,7 @@ class Tangent:
         right = -self._unbalanced - self.forces(reactions)
         return self._solve(right, self._step, accuracy * self.force_scale, False, add_following)
 
-    def elastic_parts(
-        self, accuracy: float, reactions: Sequence[Reaction]
-    ) -> tuple[FloatArray, FloatArray]:
-        """The steps by the elastic forces together with reactions, and by the loads."""
-        moved = self.answer(-self._stretched - self.forces(reactions), accuracy)
-        return moved, self.answer(self._load, accuracy)
-
-    def balance(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
-        """The displacement whose forces are those of the reactions."""
-        return self.answer(self.forces(reactions), accuracy)
-
-    def respond(self, reactions: Sequence[Reaction], accuracy: float) -> FloatArray:
+    def respond(self, reactions: Reactions, accuracy: float) -> FloatArray:
         """The displacement that a change of reactions causes."""
         return self.answer(-self.forces(reactions), accuracy, is_rough=True)
 
@@ -219,8 +198,8 @@ class Tangent:
         return self._solve(forces, self._answer, residual, is_rough)
 
     def residual_forces(self) -> float:
-        """The sum of the magnitudes of the nodal forces that the last :meth:`balance` leaves."""
-        self._linear.multiply(self._answer, self._moved)
+        """The sum of the magnitudes of the nodal forces that the last :meth:`answer` leaves."""
+        self.linear.multiply(self._answer, self._moved)
         self._moved.axpy(-1.0, self._right)
         return float(self._moved.norm(PETSc.NormType.NORM_1))
 
@@ -231,14 +210,13 @@ class Tangent:
         sprung = self.system.tools.stiffnesses * displacement[self._owned :]
         return np.append(self._product.array_r, sprung)
 
-    def forces(self, reactions: Sequence[Reaction]) -> FloatArray:
+    def forces(self, reactions: Reactions) -> FloatArray:
         """The forces of reactions, at held dofs as well."""
         self._moved.set(0.0)
         on_tools = np.zeros(len(self.system.tools))
-        for reaction in reactions:
-            reaction.add_to(self._moved)
-            if self.system.tools:
-                reaction.family.add_tool_forces(reaction.values, on_tools)
+        for family, values in reactions.items():
+            family.add_forces(values, self._moved)
+            family.add_tool_forces(values, on_tools)
         if self.system.tools:
             on_tools = self.comm.allreduce(on_tools)
         return np.append(self._moved.array_r, on_tools)
@@ -292,19 +270,9 @@ class Tangent:
         tools = self.system.tools
         tools.travels = tuple(np.add(tools.travels, t * step[self._owned :]))
 
-    @property
-    def direct(self) -> PETSc.KSP | None:
-        """The direct solver of the tangents, if any."""
-        return self._linear.direct
-
-    def pop_iterations(self) -> int:
-        """The number of Krylov iterations since the last call."""
-        count, self._linear.iterations = self._linear.iterations, 0
-        return count
-
     def destroy(self) -> None:
         """Free the PETSc objects."""
-        self._linear.destroy()
+        self.linear.destroy()
         for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
             item.destroy()
 
@@ -313,22 +281,17 @@ class Tangent:
         tuning, is_linear = self._tuning, self.system.data.element.degree == 1
         along = tuning.stiff_along if is_linear else tuning.stiff_along_quadratic
 
-        def assemble_rest(rest: PETSc.Mat) -> None:
+        def assemble_rest(factor: float, rest: PETSc.Mat) -> None:
             for family in self.families:
-                family.soften(tuning.stiff, self._material)
-            self._assemble(rest)
-
-        def assemble_across(rest: PETSc.Mat) -> None:
-            for family in self.families:
-                family.soften_along(along, self._material)
+                family.soften(factor, self._material)
             self._assemble(rest)
 
         return StiffPart(
             self._stiff_nodes(tuning.stiff),
             lambda: self._stiff_nodes(tuning.nearly_stiff),
-            assemble_rest,
+            functools.partial(assemble_rest, tuning.stiff),
             lambda: self._stiff_rows(along),
-            assemble_across,
+            functools.partial(assemble_rest, along),
         )
 
     def _stiff_rows(self, factor: float) -> tuple[PETSc.Mat, FloatArray]:
@@ -365,7 +328,7 @@ class Tangent:
             travel = self.zeros()
             travel[self._owned + number] = 1.0
             pressed = [family for family in self.families if family.tool == number]
-            reactions = [Reaction(family, family.block(family.see(travel))) for family in pressed]
+            reactions = {family: family.block(family.see(travel)) for family in pressed}
             forces = self._free(self.forces(reactions))
             corner[:, number] += forces[self._owned :]
             self._border[number] = forces[: self._owned]
@@ -413,7 +376,7 @@ class Tangent:
         """The displacement for fixed travels."""
         self._right.array_w[:] = self._free(forces)[: self._owned]
         if self._right.norm() > 0.0 or start.norm() > 0.0:
-            self._linear.solve(self._right, start, residual, is_rough, follow)
+            self.linear.solve(self._right, start, residual, is_rough, follow)
         return start.array_r
 
     def _free(self, forces: FloatArray) -> FloatArray:
@@ -432,15 +395,9 @@ class Tangent:
 
     def _energy_of(self, displacement: FloatArray) -> float:
         """``a(u, u)/2``."""
-        energy = 0.5 * self._dot(self._stretched, displacement)
+        energy = 0.5 * self._dot(self.stretched, displacement)
         # If the body moves far more than it is strained, elastic forces are small differences, and
         # the product multiplies their rounding by the whole motion.  Integrating the strains has
         # far less rounding but takes longer.
         rounding = ROUNDING * self._stiffest * self._dot(displacement, displacement)
         return energy if energy >= rounding else self.system.energy()
-
-    def _coarser_space(self) -> CoarserSpace | None:
-        """The affine displacements, for elements of degree 2."""
-        if self.system.data.element.degree < 2:
-            return None
-        return CoarserSpace(*affine_part(self.system.u.function_space, self.system.constraints))

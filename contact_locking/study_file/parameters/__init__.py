@@ -328,9 +328,7 @@ class Parameters(Concept):
                 yield (section,), both, f"{name}: other solutions are those of one problem"
         facing = "sensitivities, as derivatives do not see which points face each other"
         for place, contact in self._contact_sections():
-            turns = contact.pair == "each_step" or bool(
-                contact.against and has_steps and not contact.pair
-            )
+            turns = contact.against is not None and contact.pair != "once"
             yield (*place, "pair"), derived and turns, f"{facing}: take once"
 
     def _contact_sections(self) -> list[tuple[Place, Contact]]:

@@ -114,12 +114,12 @@ def unknown_key(key: str, known: Sequence[str], elsewhere: str = "") -> str:
 _MOST_CHARACTERS = 72
 
 
-def told_apart(values: Sequence[Any], text: Callable[[Any], str] = entry) -> list[str]:
+def texts_of(values: Sequence[Any], text: Callable[[Any], str] = entry) -> list[str]:
     """A short ``text`` for each value; texts that different values have in common are numbered."""
     distinct = {repr(value): _cut(text(value)) for value in values}
     shared = Counter(distinct.values())
     if len(shared) < len(distinct) and text is not entry:  # as numbers that are rounded
-        return told_apart(values)
+        return texts_of(values)
     numbered = {
         name: f"{words} (value {number})" if shared[words] > 1 else words
         for number, (name, words) in enumerate(distinct.items(), start=1)
@@ -129,7 +129,7 @@ def told_apart(values: Sequence[Any], text: Callable[[Any], str] = entry) -> lis
 
 def labels(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """For each row its keys with their values, in one line; all rows have the same keys."""
-    columns = [(key, told_apart([row[key] for row in rows])) for key in (rows[0] if rows else ())]
+    columns = [(key, texts_of([row[key] for row in rows])) for key in (rows[0] if rows else ())]
     return [
         ", ".join(f"{key} = {texts[number]}" for key, texts in columns)
         for number in range(len(rows))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from contact_locking.errors import InputError, explained
 from contact_locking.files import remove_abandoned, staging
-from contact_locking.plain_text import defect
 from contact_locking.results.output import CHARTS, PAGE
 
 if TYPE_CHECKING:
@@ -46,7 +45,7 @@ def write(directory: str | Path) -> list[Path]:
                 for results in read_all(folder)
             ]
         except (*missing, TemplateError, UnidentifiedImageError) as error:
-            what = f"{folder}: its results are damaged: {defect(error)}; solve again"
+            what = f"{folder}: its results are damaged: {error!r}; solve again"
             raise InputError(what) from error
         names = (CHARTS, _BESIDE_RUN)
         return [_replace(folder, *made, name) for made, name in zip(pages, names, strict=False)]

@@ -101,7 +101,7 @@ _WORDS: Mapping[str, str] = {
     "epsilon": "ε",
 }
 # Sections whose names say nothing beside that of the key below them.
-_UNSAID = ("mesh", "material", "loads", "solver", "certificate", "output")
+_OMITTED = ("mesh", "material", "loads", "solver", "certificate", "output")
 
 
 def title(key: str) -> str:
@@ -121,7 +121,7 @@ def title(key: str) -> str:
         if of in QUANTITIES:
             place = f", {QUANTITIES[of].at}" if of != above else ""
             return f"{QUANTITIES[of].name}{place}, {AXES[int(last)]}"
-    words = [word for word in key.split(".") if word not in _UNSAID] or [key]
+    words = [word for word in key.split(".") if word not in _OMITTED] or [key]
     return " ".join(words).replace("_", " ")
 
 

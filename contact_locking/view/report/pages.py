@@ -22,10 +22,10 @@ from .page import Chart, embedded, render, shown, title, titles_in
 from .run_charts import (
     Process,
     branch_charts,
+    charts_of,
     contact_charts,
     fit_charts,
     history_charts,
-    wanted_charts,
 )
 from .trends import Trend, VariedTexts, axes, differ, trend_charts, trends
 
@@ -41,7 +41,7 @@ def run_page(run: RunResults) -> tuple[str, list[Chart]]:
     parts = certificate(summary)
     holds = [entry["holds"] for section in parts for entry in section.judged.values()]
     of_contacts = contact_charts(run)
-    steps = wanted_charts(charts_asked, [Process(run.history)], contacts, units)
+    steps = charts_of(charts_asked, [Process(run.history)], contacts, units)
     charts = {
         "steps": steps + history_charts(run.history, contacts, units),
         "fit": [] if run.fit is None else fit_charts(run.fit),
@@ -171,7 +171,7 @@ def study_page(study: StudyResults) -> tuple[str, list[Chart]]:
             state = "" if row["state"] == "converged" else f" ({row['state']})"
             pictures.setdefault(row["case"], (image, f"{label}{state}"))
     charts_asked = look_up(data, "output.charts") or []
-    over_steps = wanted_charts(charts_asked, processes, contacts, units)
+    over_steps = charts_of(charts_asked, processes, contacts, units)
     drawn = [
         (trend, trend_charts(trend))
         for axis in axes(what, rows, texts.titles)

@@ -167,7 +167,7 @@ class Process:
     label: str = ""
 
 
-def wanted_charts(
+def charts_of(
     entries: Sequence[Mapping[str, Any]],
     processes: Sequence[Process],
     contacts: Sequence[str],

@@ -15,7 +15,7 @@ from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.results.in_words import number
 from contact_locking.results.quantities import Quantity
 from contact_locking.study_file.parameters.study import StudyParameters
-from contact_locking.study_file.parameters.wording import told_apart
+from contact_locking.study_file.parameters.wording import texts_of
 from contact_locking.view.pictures import style
 
 from .folders import Row
@@ -32,7 +32,7 @@ class VariedTexts:
         self._texts: dict[str, dict[str, str]] = {}
         for key in titles:
             values = [row.get(key) for row in rows]
-            self._texts[key] = dict(zip(map(repr, values), told_apart(values, shown), strict=True))
+            self._texts[key] = dict(zip(map(repr, values), texts_of(values, shown), strict=True))
 
     def of(self, row: Row, keys: Iterable[str]) -> list[str]:
         """The texts of the values that a row has for keys that vary."""
