@@ -258,14 +258,15 @@ class DiscreteProblem:
         for tool in self.data.tools:
             tool.advance()
 
-    def update_pairs(self, touching: Sequence[BoolArray]) -> bool:
+    def update_pairs(self, touching: Sequence[BoolArray], settled: Sequence[bool]) -> bool:
         """Pair the bodies anew where they are at the solution u; collective.
 
-        ``touching`` are the nodes (k,) that touch at each contact.  Returns whether a pairing has
-        changed, in which case u is the solution for the previous one.
+        ``touching`` are the nodes (k,) that touch at each contact; ``settled`` says whether its
+        forces are those of the previous pairing.  Returns whether a pairing has changed, in which
+        case u is the solution for the previous one.
         """
-        pairs = zip(self.contacts, touching, strict=True)
-        return any([contact.update_pairs(self.u, touches) for contact, touches in pairs])
+        every = zip(self.contacts, touching, settled, strict=True)
+        return any([contact.update_pairs(self.u, at, same) for contact, at, same in every])
 
     def refresh(self) -> None:
         """Update everything to the present values of the data; collective."""

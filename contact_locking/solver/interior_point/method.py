@@ -243,7 +243,8 @@ class InteriorPoint:
                 break
             if reached:
                 steps_for_law -= 1
-                self._search.aim_at_law()
+                # A gap that is small enough for the penalty law at each point.
+                self._search.gap_aim = tuning.gap_aim_of_law
             self._stop_if_infeasible(measures)
             if measures.worst() <= tuning.nearer * best:
                 best, stays = measures.worst(), 0
