@@ -60,7 +60,7 @@ def context(multigrid: FilteredMultigrid) -> SimpleNamespace:
 def by_package(body: Body, limit: int) -> Outcome:
     """The filter up to ``limit`` unknowns, the projection above."""
     matrix = petsc.create_matrix(body.form(), IN_BLOCKS)
-    motions = near_nullspace(fem.Function(body.space).x.petsc_vec.duplicate(), body.space)
+    motions = near_nullspace(matrix.createVecRight(), body.space)
     matrix.setNearNullSpace(motions)
     soft_form = body.form(is_whole=False)
 
@@ -93,7 +93,7 @@ def by_package(body: Body, limit: int) -> Outcome:
 def by_gamg(body: Body) -> Outcome:
     """Algebraic multigrid with the package's own options."""
     matrix = petsc.create_matrix(body.form(), IN_BLOCKS)
-    motions = near_nullspace(fem.Function(body.space).x.petsc_vec.duplicate(), body.space)
+    motions = near_nullspace(matrix.createVecRight(), body.space)
     matrix.setNearNullSpace(motions)
     petsc.assemble_matrix(matrix, body.form(), bcs=[body.clamped])
     matrix.assemble()
@@ -132,7 +132,7 @@ def by_bddc(body: Body, threshold: float) -> Outcome:
     matrix.setISLocalMat(local)
     matrix.assemble()
     matrix.setOption(PETSc.Mat.Option.SPD, True)
-    motions = near_nullspace(fem.Function(space).x.petsc_vec.duplicate(), space)
+    motions = near_nullspace(matrix.createVecRight(), space)
     matrix.setNearNullSpace(motions)
     options = PETSc.Options("bddc_")
     given = {

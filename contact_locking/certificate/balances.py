@@ -79,10 +79,8 @@ class Equilibrium:
             meaning = "sum of all moments on the body"
             criteria["moment_balance"] = Criterion(self.moment, share, meaning)
         if self.tools:
-            imbalance = max(self.tools)
-            criteria["tool_balance"] = Criterion(
-                imbalance, share, "imbalance of the forces on a tool"
-            )
+            meaning = "imbalance of the forces on a tool"
+            criteria["tool_balance"] = Criterion(max(self.tools), share, meaning)
         return criteria
 
 

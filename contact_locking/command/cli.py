@@ -236,7 +236,5 @@ def _unexpected(error: Exception) -> tuple[str, str]:
         hint = "The disk is full, or the folder of compiled forms is read-only (XDG_CACHE_HOME)."
         return f"error: {error.strerror}: {place}", hint
     text = " ".join(f"error: unexpected {type(error).__name__}: {error}".split())
-    return (
-        text,
-        "This is a defect; please report it with the study file and the output of --debug.",
-    )
+    hint = "This is a defect; please report it with the study file and the output of --debug."
+    return text, hint

@@ -225,12 +225,13 @@ class NodalContact:
         turns = np.linalg.norm(frame.normals - self.normals, axis=1)
         return maximum(self.surface.domain.comm, turns[presses & frame.faces])
 
-    def update_pairs(self, u: fem.Function, touches: BoolArray) -> bool:
+    def update_pairs(self, u: fem.Function, touches: BoolArray, settled: bool) -> bool:
         """Pair the bodies as they are at the solution u; True if that changes anything; collective.
 
         It does if a normal turns by more than 1e-3 at a node that ``touches`` (k,), or a gap
         changes by more than 1e-3 of the largest jump, or of the range of displacements along the
-        normal, because gaps are no more accurate if bodies slide far.
+        normal, because gaps are no more accurate if bodies slide far.  Gaps of nodes that touch
+        have not changed if their forces have ``settled``: bodies that stick have next to no jump.
         """
         surface = self.surface
         if surface.frame is None or not self.pairs_anew:
@@ -244,7 +245,8 @@ class NodalContact:
         entry = np.maximum(-anew, 0.0) - np.maximum(-opening, 0.0)
         # Held nodes may be inside the other body, because their displacement is prescribed.
         may_enter = frame.faces & (self.free | ~surface.frame.faces)
-        changes = np.where(touches, np.abs(anew - opening), np.where(may_enter, entry, 0.0))
+        changes = np.where(may_enter, entry, 0.0)
+        changes[touches] = 0.0 if settled else np.abs(anew - opening)[touches]
         turns = np.linalg.norm(frame.normals - self.normals, axis=1)
         is_same = maximum(comm, turns[touches]) <= _SAME
         largest = maximum(comm, np.linalg.norm(jump[surface.frame.faces], axis=1))

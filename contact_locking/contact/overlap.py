@@ -56,14 +56,10 @@ def overlaps(first: FloatArray, flat: FloatArray, kind: CellKind) -> tuple[IntAr
         return number, np.stack([low, high], axis=1)[number][:, :, None]
     # Gmsh's order of corners goes around.
     around = list(kind.gmsh_order)
-    return _common_triangles(_turned_left(first[:, around]), flat[:, around])
-
-
-def _turned_left(polygons: FloatArray) -> FloatArray:
-    """Convex polygons (p, v, 2) with their corners in mathematically positive order."""
-    edges = np.diff(polygons, axis=1)
-    is_left = edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0] > 0.0
-    return np.where(is_left[:, None, None], polygons, polygons[:, ::-1])
+    clips, edges = first[:, around], np.diff(first[:, around], axis=1)
+    is_left = _cross(edges[:, 0], edges[:, 1]) > 0.0
+    clips = np.where(is_left[:, None, None], clips, clips[:, ::-1])
+    return _common_triangles(clips, flat[:, around])
 
 
 def _common_triangles(clips: FloatArray, polygons: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -342,7 +342,9 @@ def _side(
     nodes = facet_nodes(domain, space, facets, cells)
     x = space.tabulate_dof_coordinates()[:, :dim]
     inside = mesh.geometry.x[_compat.cell_corners(mesh)[cells]][:, :, :dim].mean(axis=1)
-    outward = _outward(x[nodes[:, : domain.kind.facet.corners]], inside)
+    corners = x[nodes[:, : domain.kind.facet.corners]]
+    outward = unit_normals(corners)
+    outward *= np.sign(np.sum(outward * (corners[:, 0] - inside), axis=1))[:, None]
     numbers = index_map.local_to_global(nodes.reshape(-1)).reshape(nodes.shape)
     every = np.concatenate(comm.allgather(numbers))
     points = np.concatenate(comm.allgather(x[nodes]))
@@ -358,13 +360,6 @@ def _side(
         ),
         blocks,
     )
-
-
-def _outward(corners: FloatArray, inside: FloatArray) -> FloatArray:
-    """The unit normals (m, d) of facets (m, c, d) that point away from ``inside`` (m, d)."""
-    normals = unit_normals(corners)
-    side = np.sign(np.sum(normals * (corners[:, 0] - inside), axis=1))
-    return np.asarray(side[:, None] * normals)
 
 
 def _require_apart(

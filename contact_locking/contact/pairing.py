@@ -323,7 +323,11 @@ def _distances(
     """
     pairs = np.column_stack([nodes.reshape(-1), np.repeat(facing, nodes.shape[1])])
     node, facing = np.unique(pairs, axis=0).T
-    bulge, of_side = _bulge(second), first.nodal_normals()
+    # Between corners quadratic sides have moved by themselves, off chords that they have at rest.
+    bulge, bulge_of_first = (_bulge(x.at_rest if x.is_quadratic else x) for x in (second, first))
+    of_side, farther_out, count = first.nodal_normals(), np.zeros(len(points)), first.kind.corners
+    for number, (start, end) in enumerate(EDGES[count] if first.is_quadratic else ()):
+        farther_out[first.facets[:, count + number]] = 0.25 * bulge_of_first[:, start, end]
     # The normals (m, c, d) at the corners of side 2: the averaged ones, but at edges of a body.
     corners = second.facets[:, : second.kind.corners]
     of_other, is_edge = second.nodal_normals()[corners], _at_edge(second)[corners]
@@ -331,17 +335,18 @@ def _distances(
     of_other = np.where(is_edge[:, :, None], second.outward[:, None], of_other)
     normals, gap, at_edge = of_side.copy(), np.zeros(len(points)), _at_edge(first)
     for _ in range(2):
-        away = second.corners[facing] - points[node][:, None]
-        along = normals[node]
+        along, away = normals[node], second.points[second.facets[facing]] - points[node][:, None]
+        every_height = np.einsum("pnd,pd->pn", away, along)
+        away, heights = (values[:, : second.kind.corners] for values in (away, every_height))
         flat = np.einsum("pcd,ptd->pct", away, axes_across(along))
-        heights = np.einsum("pcd,pd->pc", away, along)
         with np.errstate(all="ignore"):
             basis = functions(second.kind, flat, np.zeros((len(flat), 1, flat.shape[2])))[:, 0]
         # A point far outside of a quadrilateral may have no coordinates in it.
         basis = np.where(
             np.isfinite(basis).all(axis=1, keepdims=True), basis, np.eye(basis.shape[1])[0]
         )
-        height = np.einsum("pc,pc->p", basis, heights)
+        shape = nodal(basis) if second.is_quadratic else basis
+        height = np.einsum("pn,pn->p", shape, every_height) - farther_out[node]
         height -= np.einsum("pij,pi,pj->p", bulge[facing], basis, basis)
         outside = basis.min(axis=1) < -_INSIDE
         nearest = np.maximum(basis, 0.0)

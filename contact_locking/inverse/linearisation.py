@@ -332,8 +332,8 @@ class Linearisation:
 _ALIKE = 0.02
 # The share of the way to the end of a cone, and the shortest step that leads anywhere.
 _SHARE, _SHORT = 0.9, 0.05
-# The product over the density of the elastic energy.
-_PRODUCT = 1e-10
+# The product over the density of the elastic energy, and n over E up to which it is so large.
+_PRODUCT, _SOFT = 1e-10, 1e4
 # No friction bound is a smaller share of the largest.
 _LEAST_BOUND = 1e-12
 
@@ -380,7 +380,8 @@ def nearer_the_path(linear: Linearisation) -> SavedState | None:
 def penalised_iterate(system: System, target: Target, tolerance: float) -> SavedState:
     """The displacement of the system with the cones that its laws give; collective."""
     strain = target.mean_strain(system.energy(), system.largest_displacement(), tolerance)
-    product = _PRODUCT * target.ellipticity * strain**2
+    product = _PRODUCT * min(max(_SOFT * target.young / target.penalty.n, 0.01), 1.0)
+    product *= target.ellipticity * strain**2
     families, owned = families_of(system, target, 0.0), len(system.load)
     displacement = np.append(system.u.x.array[:owned], np.zeros(len(system.tools)))
     cones: list[tuple[FloatArray, FloatArray] | None] = []

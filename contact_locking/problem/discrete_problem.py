@@ -189,10 +189,10 @@ class DiscreteProblem:
         # Young's modulus converts the compliance to a length.
         slip = self.material.young * epsilon
         contacts = named(contacts)
-        places = [place_of(item, domain, space, element) for item in contacts]
+        places = [place_of(contact, domain, space, element) for contact in contacts]
         nodal = tuple(
-            NodalContact(item, place, self.constraints, slip, clock)
-            for item, place in zip(contacts, places, strict=True)
+            NodalContact(contact, place, self.constraints, slip, clock)
+            for contact, place in zip(contacts, places, strict=True)
         )
         self.contacts = nodal
         slips = tuple(contact.regularisation for contact in nodal)
@@ -207,8 +207,8 @@ class DiscreteProblem:
             contacts=nodal,
             bounds=BoundsInForce(nodal),
             element=element,
-            limits=tuple(item.strain_set for item in self.limits.others),
-            tools=tuple(Travel(item) for item in nodal if item.is_free),
+            limits=tuple(limited.strain_set for limited in self.limits.others),
+            tools=tuple(Travel(contact) for contact in nodal if contact.is_free),
             own_energy=body.own_energy,
             eigenstrain=self.material.eigenstrain,
             springs=tuple(springs),
@@ -228,8 +228,8 @@ class DiscreteProblem:
     def require_times(self, times: Sequence[float]) -> None:
         """Raise InputError for a table over the time that ends before a process does."""
         body, place = self.body, self.domain.bounding_box.mean(axis=0)[:, None]
-        placed = [Placed(item, item.key) for item in (*body.held, *body.loads, *body.springs)]
-        placed += [Placed(item.concept, item.key) for item in self.contacts]
+        placed = [Placed(each, each.key) for each in (*body.held, *body.loads, *body.springs)]
+        placed += [Placed(each.concept, each.key) for each in self.contacts]
         for data in (*body.elasticity, *body.limits, *body.eigenstrains, *placed):
             inside = expressions(data.content) if isinstance(data.content, Concept) else ()
             for inner, value, _ in inside:
@@ -258,14 +258,15 @@ class DiscreteProblem:
         for tool in self.data.tools:
             tool.advance()
 
-    def update_pairs(self, touching: Sequence[BoolArray]) -> bool:
+    def update_pairs(self, touching: Sequence[BoolArray], settled: Sequence[bool]) -> bool:
         """Pair the bodies anew where they are at the solution u; collective.
 
-        ``touching`` are the nodes (k,) that touch at each contact.  Returns whether a pairing has
-        changed, in which case u is the solution for the previous one.
+        ``touching`` are the nodes (k,) that touch at each contact; ``settled`` says whether its
+        forces are those of the previous pairing.  Returns whether a pairing has changed, in which
+        case u is the solution for the previous one.
         """
-        pairs = zip(self.contacts, touching, strict=True)
-        return any([contact.update_pairs(self.u, touches) for contact, touches in pairs])
+        every = zip(self.contacts, touching, settled, strict=True)
+        return any([contact.update_pairs(self.u, at, same) for contact, at, same in every])
 
     def refresh(self) -> None:
         """Update everything to the present values of the data; collective."""

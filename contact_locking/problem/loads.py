@@ -115,12 +115,12 @@ class Springs(ElasticSupport):
 class OwnSupport(ElasticSupport):
     """The terms of a user's ``a(u, v)`` on facets, and in cells with u and v themselves."""
 
-    given: ufl.Form
+    bilinear: ufl.Form
     on: str = "a"
 
     def form(self, u: Expr, v: Expr) -> ufl.Form:
-        test, trial = self.given.arguments()
-        return ufl.replace(self.given, {trial: u, test: v})
+        test, trial = self.bilinear.arguments()
+        return ufl.replace(self.bilinear, {trial: u, test: v})
 
     def all_around(self, u: Expr, v: Expr) -> ufl.Form:
         """Each component of u and v acts along every axis."""
@@ -175,12 +175,12 @@ class LoadOnMesh:
     with key and point for a value that is not finite, and for a load that the rule mostly misses.
     """
 
-    def __init__(self, domain: Domain, element: Element, given: Load, clock: Clock) -> None:
+    def __init__(self, domain: Domain, element: Element, concept: Load, clock: Clock) -> None:
         self._domain, self._element, self._clock = domain, element, clock
-        name, dim = given.key_of("value"), domain.dim
-        self.key = given.key if name == ONLY else f"{given.key}.{name}"
-        components = given.value if isinstance(given.value, tuple) else (given.value,)
-        is_vector = isinstance(given.value, tuple)
+        name, dim = concept.key_of("value"), domain.dim
+        self.key = concept.key if name == ONLY else f"{concept.key}.{name}"
+        components = concept.value if isinstance(concept.value, tuple) else (concept.value,)
+        is_vector = isinstance(concept.value, tuple)
         self._values = [
             PresentValue(value, f"{self.key}.{i}" if is_vector else self.key, clock)
             for i, value in enumerate(components)
@@ -191,11 +191,11 @@ class LoadOnMesh:
         # 1, or 0 at times when the load is only rounding.
         self._acts, self._so_far = fem.Constant(domain.mesh, 1.0), LargestSoFar()
         self.findings: list[Finding] = []
-        if isinstance(given, BodyForce):
+        if isinstance(concept, BodyForce):
             owned = domain.mesh.topology.index_map(dim).size_local
             self._on = Entities.of(domain, dim, np.arange(owned, dtype=np.int32))
         else:
-            self._on = Entities.of(domain, dim - 1, domain.facets(given.on, f"{given.key}.on"))
+            self._on = Entities.of(domain, dim - 1, domain.facets(concept.on, f"{concept.key}.on"))
         self.density = ufl.as_vector([value.ufl(element.degree) for value in self._values])
         self.halvings = 0
         if self._is_seen and not self._constant:
@@ -210,16 +210,16 @@ class LoadOnMesh:
                     self.halvings += 1
             self.density = self._acts * self.density if self.is_timed else self.density
         self._size, self._per = 0.0, 1.0
-        if isinstance(given, BodyForce):
+        if isinstance(concept, BodyForce):
             self.measure, (low, high) = domain.dx(**self.metadata), domain.bounding_box
             self._per = float((high - low).max())
         else:
-            self.measure = domain.ds(given.on, **self.metadata)
-        if isinstance(given, TotalForce):
+            self.measure = domain.ds(concept.on, **self.metadata)
+        if isinstance(concept, TotalForce):
             # Spread evenly over the part of the boundary.
             area = integral(domain, fem.Constant(domain.mesh, 1.0) * self.measure)
             self._per, self.density = 1.0 / area, self.density / area
-        elif isinstance(given, Pressure):
+        elif isinstance(concept, Pressure):
             self.density = -self.density[0] * ufl.FacetNormal(domain.mesh)
 
     @property

@@ -221,11 +221,6 @@ class MotionsAtContact:
             return True
         return bound.is_coulomb and not bound.depends_on_slip and bound.smoothing.is_positive()
 
-    def largest_coefficient(self) -> float:
-        """The largest mu at the nodes of this rank, without slip; collective."""
-        mu = self.contact.friction.coefficient(np.zeros(len(self.owned)))
-        return float(np.max(mu[self.owned], initial=0.0))
-
     def resistance(self, motion: FloatArray) -> FloatArray:
         """The derivative (k, f) of ``c_nu + R* (mu |c_tau|)`` at a motion (f,); collective."""
         contact = self.contact

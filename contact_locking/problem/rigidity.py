@@ -153,7 +153,10 @@ class GroupMotions:
             return None
         what = "friction" if self.rubs.any() else "contact"
         words = f"it is free to move (rigid motion: {self._words(motion)})"
-        mu = [maximum(comm, at.largest_coefficient()) for at in self.at_contacts]
+        mu = []
+        for at in self.at_contacts:
+            without_slip = at.contact.friction.coefficient(np.zeros(len(at.owned)))
+            mu.append(maximum(comm, without_slip[at.owned]))
         proof = "proved on this mesh"
         if any(0.0 < value < _LEAST_MU for value in mu):
             proof += f", coefficients below {_LEAST_MU:g} counted as zero"

@@ -34,7 +34,7 @@ from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
 from contact_locking.solver.strategy import Reasons, Verdict
 from contact_locking.solver.strategy import solve as solve_system
-from contact_locking.solver.task import Outcome, SavedState, Target, Task
+from contact_locking.solver.task import Multipliers, Outcome, SavedState, Target, Task
 
 # The most solves with bodies paired anew; usually the pairing stays after one to three.
 _MOST_PAIRINGS = 8
@@ -109,27 +109,28 @@ class ProblemSolver:
 
         if self._method == "penalty":
             return penalty_method.solve(task(), saved)
-        report = solve_system(task(), saved)
+        report, before = solve_system(task(), saved), None
         for _ in range(_MOST_PAIRINGS):
-            start = self._next_start(report) if report.converged else None
+            start = self._next_start(report, before) if report.converged else None
             if start is None:
                 break
-            report = solve_system(task(), start).after(report)
+            before, report = report.multipliers, solve_system(task(), start).after(report)
             if report.failure == Infeasible.code:
                 # The proof is for one pairing of the bodies only.
                 reason = f"{_APART}: {report.reason}"
                 report = dataclasses.replace(report, failure=NotConverged.code, reason=reason)
         else:
             unsettled = Finding("contact.unsettled", solves=_MOST_PAIRINGS)
-            report = dataclasses.replace(report, warnings=[*report.warnings, unsettled])
+            return dataclasses.replace(report, warnings=[*report.warnings, unsettled])
         return report
 
-    def _next_start(self, report: Outcome) -> SavedState | None:
+    def _next_start(self, report: Outcome, before: Multipliers | None) -> SavedState | None:
         """Pair the bodies anew at the solution; the next start, None if no pairing changed."""
-        problem, system = self.problem, self.system
-        assert report.multipliers is not None
-        touching = [forces.touches for forces in report.multipliers.contacts]
-        if not problem.update_pairs(touching):
+        problem, system, now = self.problem, self.system, report.multipliers
+        assert now is not None
+        pairs = zip(now.contacts, (before or now).contacts, strict=True)
+        settled = [before is not None and x.is_near(then, system.comm) for x, then in pairs]
+        if not problem.update_pairs([forces.touches for forces in now.contacts], settled):
             return None
         return SavedState(
             problem.u.x.array.copy(),

@@ -220,8 +220,7 @@ class Study:
 
     def rows(self, seconds: float) -> list[tuple[str, str]]:
         """The number of cases in each state, the time and the place of the table."""
-        rows: list[tuple[str, str]]
-        rows = [(state, str(number)) for state, number in sorted(self.count().items()) if number]
+        rows = [(str(state), str(count)) for state, count in sorted(self.count().items()) if count]
         if warned := sum(bool(self.outcomes[case.name].warnings) for case in self.cases):
             rows.append(("with warnings", str(warned)))
         return [*rows, ("time", duration(seconds)), ("table in", str(self.directory / TABLE_CSV))]

@@ -91,6 +91,12 @@ class FacetedFoundation(Shape):
             normals = np.cross(edges[:, 0], edges[:, 1])
         return np.asarray(normals / np.linalg.norm(normals, axis=1)[:, None])
 
+    @cached_property
+    def _frames(self) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Of the facets the first corners and normals (m, d), and what gives a way's shares."""
+        start, edges = self.facets[:, 0], self.facets[:, 1:] - self.facets[:, :1]
+        return start, self.normals, np.asarray(np.linalg.pinv(np.swapaxes(edges, 1, 2)))
+
     def way_out(self, x: FloatArray, towards: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Where rays from points (d, k) inside first leave the foundation.
 
@@ -98,10 +104,9 @@ class FacetedFoundation(Shape):
         below the facet that its ray leaves through, inf without one, and the outward normal (d, k)
         of this facet.
         """
-        start, normals = self.facets[:, 0], self.normals
-        to_shares = np.linalg.pinv(np.swapaxes(self.facets[:, 1:] - start[:, None], 1, 2))
         depths, ways = np.full(x.shape[1], np.inf), np.zeros(x.shape)
         for number, (place, ray) in enumerate(zip(x.T, towards.T, strict=True)):
+            start, normals, to_shares = self._frames
             away, slope = start - place, normals @ ray
             leaves = slope > _GRAZING
             depth = np.sum(away * normals, axis=1)

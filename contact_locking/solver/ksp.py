@@ -177,8 +177,8 @@ def stacked(matrices: Sequence[PETSc.Mat]) -> PETSc.Mat:
     """The rows of the matrices, one matrix after another on each rank, which it destroys."""
     nest = PETSc.Mat().createNest([[matrix] for matrix in matrices], comm=matrices[0].getComm())
     rows = nest.convert(BY_ENTRY, PETSc.Mat())
-    for item in (nest, *matrices):
-        item.destroy()
+    for petsc_object in (nest, *matrices):
+        petsc_object.destroy()
     return rows
 
 

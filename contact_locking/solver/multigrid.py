@@ -194,8 +194,8 @@ class Projection:
         """Free the PETSc objects."""
         if self._factor is not None:
             destroy_ksp(self._factor)
-        for item in (self._rows, self._scaled, self._coupling, *self._vectors):
-            item.destroy()
+        for petsc_object in (self._rows, self._scaled, self._coupling, *self._vectors):
+            petsc_object.destroy()
 
 
 def _inverse_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
@@ -204,10 +204,10 @@ def _inverse_blocks(matrix: PETSc.Mat) -> PETSc.Mat:
     size, (first, last) = matrix.getBlockSize(), matrix.getOwnershipRange()
     starts, columns, values = matrix.getDiagonalBlock().getValuesCSR()
     shape = last - first, last - first
-    own = sp.csr_matrix((values, columns, starts), shape).tobsr((size, size))
+    nodal = sp.csr_matrix((values, columns, starts), shape).tobsr((size, size))
     nodes = np.arange(shape[0] // size)
-    is_diagonal = own.indices == np.repeat(nodes, np.diff(own.indptr))
-    blocks = np.linalg.inv(own.data[is_diagonal])
+    is_diagonal = nodal.indices == np.repeat(nodes, np.diff(nodal.indptr))
+    blocks = np.linalg.inv(nodal.data[is_diagonal])
     inverse = sp.bsr_matrix((blocks, nodes, np.arange(len(nodes) + 1)), shape).tocsr()
     csr = [part.astype(PETSc.IntType) for part in (inverse.indptr, inverse.indices + first)]
     sizes = matrix.getSizes()
@@ -306,8 +306,8 @@ class Filter:
         """Free the PETSc objects."""
         destroy_ksp(self._ksp)
         self._unblocked.destroy()
-        for item in (self._rows, self._right, self._exact, self._moved, self._left):
-            item.destroy()
+        for petsc_object in (self._rows, self._right, self._exact, self._moved, self._left):
+            petsc_object.destroy()
 
 
 class FilteredMultigrid:

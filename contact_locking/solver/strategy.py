@@ -183,6 +183,7 @@ def _judged(task: Task) -> tuple[Verdict | None, float | None]:
 
         def fails(factor: float) -> Infeasible | None:
             nonlocal force
+            system.constraints.share = factor
             system.u.x.array[:] = factor * prescribed
             try:
                 force = _force(system, exact.solve())
@@ -210,6 +211,7 @@ def _judged(task: Task) -> tuple[Verdict | None, float | None]:
         except NotConverged:
             return None, None
         finally:
+            system.constraints.share = 1.0
             task.counts.add(counts)
             exact.destroy()
             penalised.destroy()

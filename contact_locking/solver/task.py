@@ -11,18 +11,22 @@ from typing import Any
 import dolfinx
 import numpy as np
 from dolfinx import fem
+from mpi4py import MPI
 
 from contact_locking.arrays import BoolArray, FloatArray
 from contact_locking.fem import compiled
 from contact_locking.fem.compiled import Kept
 from contact_locking.findings import Finding
 from contact_locking.laws.limits import Penalty
+from contact_locking.parallel import maximum
 from contact_locking.problem.forms import ProblemData
 from contact_locking.problem.rounding import ROUNDING
 from contact_locking.problem.system import System
 from contact_locking.solver.interior_point.cones import Pair
 from contact_locking.solver.monitor import Monitor
 from contact_locking.solver.settings import Settings
+
+_NEAR = 1e-3
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,11 @@ class ContactForces:
     pressure: FloatArray
     friction: FloatArray
     touches: BoolArray
+
+    def is_near(self, other: ContactForces, comm: MPI.Intracomm) -> bool:
+        """Whether forces differ by at most 1e-3 of the largest pressure; collective."""
+        change = np.column_stack([self.pressure - other.pressure, self.friction - other.friction])
+        return maximum(comm, np.abs(change)) <= _NEAR * maximum(comm, self.pressure)
 
 
 @dataclass(frozen=True)

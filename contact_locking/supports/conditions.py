@@ -90,10 +90,10 @@ class HeldDirections:
         along.reshape(-1, self._dim)[blocks] = np.einsum("kij,kj->ki", held, nodal)
         return along
 
-    def apply(self, values: FloatArray) -> None:
-        """Set the components of local values along held directions to those prescribed."""
+    def apply(self, values: FloatArray, share: float = 1.0) -> None:
+        """Set the components of local values along held directions to a share of the prescribed."""
         self.project(values)
-        values.reshape(-1, self._dim)[self.nodes] += self.values
+        values.reshape(-1, self._dim)[self.nodes] += share * self.values
 
     def without(self, nodes: IndexArray) -> HeldDirections:
         """The same directions without those at some local nodes."""
@@ -184,7 +184,7 @@ class Constraints:
         bcs: Sequence[fem.DirichletBC],
         clock: Clock,
     ) -> None:
-        self.domain, self.space, self.bcs = domain, space, tuple(bcs)
+        self.domain, self.space, self.bcs, self.share = domain, space, tuple(bcs), 1.0
         placed = [x for each in held for x in placed_supports(domain, space, each, clock)]
         self.components = tuple(each for each in placed if each.component is not None)
         self.oblique = tuple(each for each in placed if each.component is None)
@@ -310,9 +310,9 @@ class Constraints:
         return [fem.dirichletbc(self._values, [d, d], self.space.sub(i)) for i, d in by_axis]
 
     def apply(self, u: fem.Function) -> None:
-        """Write the prescribed values into ``u``."""
-        u.x.array[self.dofs] = self._values.x.array[self.dofs]
-        self.directions.apply(u.x.array)
+        """Write the ``share`` of the prescribed values into ``u``: all of them unless it is set."""
+        u.x.array[self.dofs] = self.share * self._values.x.array[self.dofs]
+        self.directions.apply(u.x.array, self.share)
         u.x.scatter_forward()
 
     def free_part(self, values: FloatArray) -> FloatArray:

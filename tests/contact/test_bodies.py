@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 from problems import solved, with_changes
 from small_meshes import Groups, grid, shared, side_by_side
-from two_bodies import YOUNG, fit, stack
+from two_bodies import YOUNG, fit, lame_pressure, stack
 
 from contact_locking import StudySolution, solve
 from contact_locking.errors import InputError
@@ -73,6 +73,25 @@ def test_friction_between_bodies_remembers_its_slip() -> None:
     assert np.sign(force[1]) == -np.sign(force[-1])
     assert all(row["dissipated"] >= -1e-12 for row in history)
     assert sum(row["dissipated"] for row in history) > 5e-5
+
+
+@pytest.mark.parametrize("sides", [("rim", "inner"), ("inner", "rim")])
+def test_quadratic_rings_press_between_their_corners_as_well(sides: tuple[str, str]) -> None:
+    """The middles of edges are on the circle, and not on its chords."""
+    contact = {"on": sides[0], "against": sides[1], "gap": -0.01}
+    solution = solved(fit(contact=contact, mesh__h=0.16, discretisation__degree=2))
+    pressure = solution.contact_points.pressure if solution.contact_points else lame_pressure(0.01)
+    assert pressure == pytest.approx(lame_pressure(0.01), rel=0.11)
+    assert solution.summary["iterations"]["tangents"] <= 6
+
+
+@pytest.mark.parametrize(("dim", "h", "degree"), [(2, 0.25, 2), (3, 0.5, 1)])
+def test_the_pairing_of_bodies_that_stick_settles(dim: int, h: float, degree: int) -> None:
+    """The jump between them is next to nothing, and no scale for their gaps."""
+    given = stack(dim, h, friction__coefficient=0.5, discretisation__degree=degree)
+    solution = solved(given)
+    assert not solution.warnings
+    assert solution.summary["iterations"]["tangents"] <= 12
 
 
 def test_wrong_sides_are_refused_with_words() -> None:

@@ -5,9 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from benchmark_bodies import (
-    solved,
-)
+from benchmark_bodies import solved
 
 from contact_locking import StudySolution
 from contact_locking.results.contact_points import OPEN, ContactPoints

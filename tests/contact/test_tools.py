@@ -14,14 +14,7 @@ from mpi4py import MPI
 from problems import all_of, block
 from slow import slow
 
-from contact_locking import (
-    Contact,
-    Foundation,
-    InputError,
-    Parameters,
-    from_mapping,
-    solve,
-)
+from contact_locking import Contact, Foundation, InputError, Parameters, from_mapping, solve
 from contact_locking.arrays import FloatArray
 from contact_locking.parallel import maximum
 from contact_locking.results.contact_points import SLIP, STICK

@@ -17,13 +17,7 @@ from contact_locking.errors import NotRefined
 from contact_locking.mesh.checks import CellFacets, checked
 from contact_locking.mesh.data import longest_edges, signed_measures
 from contact_locking.mesh.parts import groups
-from contact_locking.mesh.sources import (
-    WholeMesh,
-    from_geometry,
-    gather_cells,
-    gather_mesh,
-    spread,
-)
+from contact_locking.mesh.sources import WholeMesh, from_geometry, gather_cells, gather_mesh, spread
 from contact_locking.meshes import BUILDERS, Geometry
 from contact_locking.meshes.geometry import Curved
 from contact_locking.process.adaptive_meshes import marked_cells, refined

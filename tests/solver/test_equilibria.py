@@ -25,11 +25,7 @@ from contact_locking.study_file.parameters import Parameters
 from contact_locking.theory import words
 from contact_locking.theory.bound_map import BoundMap, Branch, OverShare
 from contact_locking.theory.constants import BY_KAPPA
-from contact_locking.theory.search import (
-    Equilibria,
-    equilibria,
-    has_map,
-)
+from contact_locking.theory.search import Equilibria, equilibria, has_map
 
 
 def _weakening(n: float = math.inf, length: float = 1e-4, **sections: Any) -> Study:

@@ -10,14 +10,7 @@ import numpy as np
 import pytest
 from mpi4py import MPI
 from slow import slow
-from turned_supports import (
-    MOVED,
-    differ,
-    holds,
-    nodal,
-    solved,
-    turn,
-)
+from turned_supports import MOVED, differ, holds, nodal, solved, turn
 
 from contact_locking.results.solution import StudySolution
 from contact_locking.running.assembly import StudyProblem, assemble, mesh_of

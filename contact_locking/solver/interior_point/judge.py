@@ -145,7 +145,7 @@ def _pull_of_springs(system: System, displacement: FloatArray) -> float:
     if not system.data.springs:
         return 0.0
     v = system.function_of(displacement)
-    forces = sum((item.forces(v) for item in system.data.springs), np.zeros_like(v.x.array))
+    forces = sum((spring.forces(v) for spring in system.data.springs), np.zeros_like(v.x.array))
     return float(system.comm.allreduce(float(np.abs(forces[: len(system.load)]).sum())))
 
 

@@ -153,8 +153,8 @@ class StrainOperator:
 
     def destroy(self) -> None:
         """Free the PETSc objects; collective."""
-        for item in (self._matrix, self._displacement, self._integrals):
-            item.destroy()
+        for petsc_object in (self._matrix, self._displacement, self._integrals):
+            petsc_object.destroy()
 
     def _by_component(self, by_cell: PETSc.Mat) -> PETSc.Mat:
         """The rows of the limited points, ordered by component."""

@@ -239,7 +239,8 @@ class InteriorPoint:
                 break
             if reached:
                 steps_for_law -= 1
-                self._search.aim_at_law()
+                # A gap that is small enough for the penalty law at each point.
+                self._search.gap_aim = tuning.gap_aim_of_law
             self._stop_if_infeasible(measures)
             if measures.worst() <= tuning.nearer * best:
                 best, stays = measures.worst(), 0
@@ -393,7 +394,7 @@ class InteriorPoint:
         if t >= tuning.bound_led:
             close_enough = max(close_enough, tuning.bound_close)
         came_closer = self._judge.friction_change <= close_enough
-        self._task.system.bounds.set([item.contact for item in moving], used)
+        self._task.system.bounds.set([bound.contact for bound in moving], used)
         if not (came_closer and self._approach.trusts_newton):
             for bound, values in zip(moving, by_law, strict=True):
                 bound.set(values)

@@ -29,22 +29,20 @@ class Search:
         settings: Settings,
         predicts: bool = False,
     ) -> None:
-        self._predicts, self._gap_aim = predicts, tuning.gap_aim
+        self._predicts, self.gap_aim = predicts, tuning.gap_aim
         self._iterate, self._bounds = iterate, bounds
         self._tuning, self._tolerance = tuning, settings.tolerance
         self._last_length, self._bounds_contract = 0.0, False
         self._friction_tolerance = settings.friction_tolerance
         self._last_change, self._sharper = math.inf, 1.0
 
-    def aim_at_law(self) -> None:
-        """Aim at a gap small enough for the penalty law at each point."""
-        self._gap_aim = self._tuning.gap_aim_of_law
-
     def step(self, measures: Measures) -> tuple[Direction, float]:
         """The step to take and its length."""
         iterate, tuning = self._iterate, self._tuning
         self._sharpen(measures)
-        self._accuracy = self._linear_accuracy(measures)
+        # The residual of linear solves is a share of the present duality gap, within bounds.
+        share = max(tuning.linear_share * measures.gap, tuning.linear_sharpest * self._tolerance)
+        self._accuracy = self._sharper * min(share, tuning.linear_loosest)
         # 4. The predictor, whose length determines the target of the products.
         affine = iterate.direction(0.0, self._accuracy)
         t = min(1.0, iterate.longest_step(affine))
@@ -185,17 +183,10 @@ class Search:
         if measures.gap <= tuning.gap_tolerance and is_off and not came_closer:
             self._sharper *= tuning.linear_sharper
 
-    def _linear_accuracy(self, measures: Measures) -> float:
-        """The residual of linear solves: a share of the present duality gap, within bounds."""
-        tuning = self._tuning
-        sharpest = tuning.linear_sharpest * self._tolerance
-        accuracy = min(max(tuning.linear_share * measures.gap, sharpest), tuning.linear_loosest)
-        return self._sharper * accuracy
-
     def _limited(self, centring: float, measures: Measures) -> float:
         """The centring, limited so that products neither fall far below equilibrium nor vanish."""
         tuning = self._tuning
         if measures.gap < tuning.gap_ahead * measures.equilibrium:
             return 1.0
-        least = self._gap_aim * tuning.gap_tolerance / measures.gap
+        least = self.gap_aim * tuning.gap_tolerance / measures.gap
         return max(centring, min(tuning.gap_growth, least))

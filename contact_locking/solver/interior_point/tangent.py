@@ -277,8 +277,8 @@ class Tangent:
     def destroy(self) -> None:
         """Free the PETSc objects."""
         self.linear.destroy()
-        for item in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
-            item.destroy()
+        for petsc_object in (self.matrix, self.elasticity, self._near_nullspace, *self._vectors):
+            petsc_object.destroy()
 
     def stiff_part(self) -> StiffPart:
         """The part of the tangent that is stiffer than the material, for the preconditioner."""
