@@ -264,13 +264,9 @@ class Tangent:
 
     def move(self, t: float, step: FloatArray) -> None:
         """Add ``t step`` to the system's displacement and travels."""
-        u, constraints = self.system.u, self.system.constraints
-        # Steps that are larger than the solution leave their rounding in the prescribed values,
-        # which may be a share of what the conditions prescribe.
-        held = constraints.held_part(u.x.array)
-        u.x.array[: self._owned] += t * step[: self._owned]
-        u.x.scatter_forward()
-        u.x.array[:] = constraints.free_part(u.x.array) + held
+        self.system.u.x.array[: self._owned] += t * step[: self._owned]
+        # Steps that are larger than the solution leave their rounding in the prescribed values.
+        self.system.constraints.apply(self.system.u)
         tools = self.system.tools
         tools.travels = tuple(np.add(tools.travels, t * step[self._owned :]))
 
