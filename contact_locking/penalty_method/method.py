@@ -8,6 +8,7 @@ contraction factors, and is not defined for delta = 0.
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -109,8 +110,8 @@ def fixed_point(
     ``solve`` solves (26) under the present bound, more sharply than the last change that it is
     passed, which is infinite at first.  Changes count relative to the norm of the bound, or to
     ``Target.least_bound`` if that is larger.  Afterwards the system holds the bound of the last
-    solve.  Returns the last change and the geometric mean of the ratios of successive changes, the
-    contraction factor.  Raises NotConverged after ``max_friction_updates``.
+    solve.  Returns the last change, after ``max_friction_updates`` at the latest, and the geometric
+    mean of the ratios of successive changes, the contraction factor.
     """
     system, target, settings, counts = task.system, task.target, task.settings, task.counts
     bounds, rubbing, changes = system.bounds, system.rubbing, list[float]()
@@ -124,17 +125,12 @@ def fixed_point(
         change = joint_norm(rubbing, [b - a for a, b in zip(used, new, strict=True)])
         changes.append(change / size if size > 0.0 else change)
         counts.updates += 1
-        observed = contraction_factor(changes, settings.friction_tolerance)
-        contraction = contraction if observed is None else observed
+        contraction = contraction_factor(changes, settings.friction_tolerance) or contraction
         task.monitor.friction_update(counts.updates, changes[-1], contraction)
         if changes[-1] <= settings.friction_tolerance:
-            return changes[-1], contraction
+            break
         bounds.set(rubbing, new)
-    factor = "" if contraction is None else f", contraction factor {contraction:.2f}"
-    raise NotConverged(
-        f"the friction bound still changes by {changes[-1]:.1e} of itself after "
-        f"{len(changes)} updates{factor}"
-    )
+    return changes[-1], contraction
 
 
 def contraction_factor(changes: list[float], floor: float) -> float | None:
@@ -172,12 +168,12 @@ def solve(task: Task, saved: SavedState | None = None) -> Outcome:
         for contact, forces in zip(system.contacts, saved.multipliers.contacts, strict=True):
             system.bounds[contact] = contact.friction_bound(system.u, forces.pressure)
         path = PenaltyPath.onwards(saved.penalty, task.target)
-        try:
+        with contextlib.suppress(NotConverged):
             outcome = _along(path, task, equations, stages)
-            return replace(outcome.with_counts(task.counts, stages), from_saved=True)
-        except NotConverged:
-            task.system.clear()
-            stages.clear()
+            if outcome.converged:
+                return replace(outcome.with_counts(task.counts, stages), from_saved=True)
+        system.clear()
+        stages.clear()
     try:
         outcome = _along(PenaltyPath.towards(task.target), task, equations, stages)
     except NotConverged as failure:
@@ -229,5 +225,9 @@ def _settled(newton: Newton, task: Task, equations: Equations) -> Outcome:
 
     if task.system.rubbing:
         change, contraction = fixed_point(task, equations, solve_tresca)
+        if change > task.settings.friction_tolerance:
+            why = f"the friction bound still changes by {change:.1e} of itself"
+            failed = Outcome(equations.multipliers(), None, None, change, contraction)
+            return replace(failed, failure=NotConverged.code, reason=why, suggestion=BOUND_ADVICE)
     newton.solve(tolerance)
     return Outcome.solved(equations.multipliers(), friction_change=change, contraction=contraction)

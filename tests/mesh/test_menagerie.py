@@ -168,7 +168,7 @@ animal("triangles of third order", r"first or second order.*setOrder\(1\)")(
 animal("XDMF of meshio", Read({"Grid": 4.0}))(xdmf(data_format="HDF"))
 
 
-@animal("XDMF with numbers in its text", "its numbers in part.h5 beside it.*meshio and data_format")
+@animal("XDMF with numbers in its text", "its numbers in part.h5.*meshio and data_format")
 def numbers_in_text(folder: Path) -> Path:
     def item(shape: str, values: str) -> str:
         return f'<DataItem Dimensions="{shape}" Format="XML">{values}</DataItem>'
