@@ -110,8 +110,8 @@ def fixed_point(
     ``solve`` solves (26) under the present bound, more sharply than the last change that it is
     passed, which is infinite at first.  Changes count relative to the norm of the bound, or to
     ``Target.least_bound`` if that is larger.  Afterwards the system holds the bound of the last
-    solve.  Returns the last change, after ``max_friction_updates`` at the latest, and the geometric
-    mean of the ratios of successive changes, the contraction factor.
+    solve.  Ends after ``max_friction_updates`` at the latest.  Returns the last change and the
+    geometric mean of the ratios of successive changes, the contraction factor.
     """
     system, target, settings, counts = task.system, task.target, task.settings, task.counts
     bounds, rubbing, changes = system.bounds, system.rubbing, list[float]()

@@ -364,11 +364,11 @@ def _features_on_facets(problem: DiscreteProblem) -> Iterator[Finding]:
         mu = None if friction is None else friction.coefficient
         if mu is None or mu.expression is None:
             continue
-        key = contact.concept.friction_key("coefficient")
+        key, rubbing = contact.concept.friction_key("coefficient"), facets(contact.on)
         # mu may change near s = 0; a slip as long as the body stands for an infinite one.
         slips = [0.0, _SOME_SLIP * domain.extent, domain.extent]
         for slip in slips if "s" in mu.expression.names else slips[:1]:
-            if sharp := features(facets(contact.on), mu, key, _ADVICE_ON_FACETS, s=slip):
+            if sharp := features(rubbing, mu, key, _ADVICE_ON_FACETS, s=slip):
                 yield from sharp
                 break
 
